@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated
 
 from annotated_types import Ge
@@ -76,11 +76,11 @@ def advice_for_cell(cell: str, form: TableFormat) -> str:
     return "; decimal=',' allows it" if form.decimal == "." and _DECIMAL_COMMA.fullmatch(cell) else ""
 
 
-def advice_for_names(lines: Sequence[str], wanted: Sequence[str], form: TableFormat) -> str:
-    """Return the arguments with which some of the first lines of a file name the columns ``wanted``; "" for none."""
+def advice_for_names(lines: Sequence[str], fits: Callable[[Sequence[str]], bool], form: TableFormat) -> str:
+    """Return the arguments with which one of the first lines of a file holds names that fit; "" for none."""
     for separator in (form.sep, *_SEPARATORS):
         for k, names in _split(lines, separator):
-            if {*wanted} <= {*names}:
+            if fits(names):
                 arguments = [] if separator == form.sep else [f"sep={separator!r}"]
                 arguments += [f"skiprows={k}"] if k > form.skiprows else []
                 below = next((row for j, row in _split(lines, separator) if j > k), ())

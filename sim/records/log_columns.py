@@ -84,7 +84,7 @@ def read_log_columns(
 
 def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableFormat) -> list[int]:
     """Return the places of columns by their names, whole or without their units."""
-    short = [_BRACKETS.sub(r"\1", name) if _stated(name) is not None else name for name in head.names]
+    short = _bare(head.names)
     places = []
     for name in wanted:
         found = [k for k, each in enumerate(head.names) if each == name]
@@ -103,9 +103,14 @@ def _advice(path: Path, head: TableHead, wanted: Sequence[str], name: str, form:
     if advice := advice_without_names(head.names):
         return f"; its first line holds numbers: {advice} allows it"
     lines = first_lines(path, form, _LOOKED_THROUGH, LogError)
-    if advice := advice_for_names(lines, wanted, form):
+    if advice := advice_for_names(lines, lambda names: {*wanted} <= {*names, *_bare(names)}, form):
         return f"; {advice} allows it"
     return misspelt(name, head.names)
+
+
+def _bare(names: Sequence[str]) -> list[str]:
+    """Return names without the units in their brackets."""
+    return [name if _stated(name) is None else _BRACKETS.sub(r"\1", name) for name in names]
 
 
 def _stated(name: str) -> str | None:

@@ -22,8 +22,9 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading.table_format import TableFormat
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, checked_sensors, load, of_stranger
+from mathnavi.sim.plugin.registry import PluginSpec, called, checked_estimator, checked_sensors, load, of_stranger
 from mathnavi.sim.records.log_columns import read_log_columns
+from mathnavi.sim.records.log_times import PER_SECOND
 
 _PERIOD_FACTOR = 2.0  # between the period that an estimator is built for and the steps of a log
 
@@ -187,7 +188,7 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)
         sensors = checked_sensors(spec, mission)
-    name = method if isinstance(method, str) else spec.name
+    name = method if isinstance(method, str) else called("estimators", spec.name)
     for sensor in sensors:
         _check_readings(log, sensor, name)
     commands = _commands(log, mission, name)
@@ -251,10 +252,13 @@ def _commands(log: SensorLog, mission: Any, method: str) -> Array:
 
 def _check_period(log: SensorLog, period: float, method: str) -> None:
     step = float(np.median(np.diff(log.t)))
-    if not period / _PERIOD_FACTOR <= step <= period * _PERIOD_FACTOR:
+    low, high = period / _PERIOD_FACTOR, period * _PERIOD_FACTOR
+    if not low <= step <= high:
+        unit = next((name for name, per_second in PER_SECOND.items() if low <= step / per_second <= high), "")
+        advice = f", or read the log with time_unit={unit!r}" if unit else ""
         raise LogError(
             f"{log.source}: the median step is {step:.6g} s and the period of {method} is {period:.6g} s; allowed: "
-            f"within a factor of {_PERIOD_FACTOR:g}: set the mission's period to that of the log"
+            f"within a factor of {_PERIOD_FACTOR:g}: set the mission's period to that of the log{advice}"
         )
 
 

@@ -40,7 +40,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.played_back import SMOOTHER, played_back
 
 USAGE = """usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]
-       mathnavi estimate ESTIMATOR FILE --mission FILE.py:NAME --readings SENSOR=COLUMN,... [OPTIONS]
+       mathnavi estimate ESTIMATOR FILE --mission FILE.py:NAME --readings SENSOR=COLUMNS... [OPTIONS]
 
 ESTIMATOR: {}
 
@@ -96,10 +96,9 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
-    """Split the arguments into ESTIMATOR, DIR and the flags."""
-    for k, (place, allowed) in enumerate(
-        (("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run, or FILE of a log"))
-    ):
+    """Split the arguments into ESTIMATOR, DIR or FILE, and the flags."""
+    wanted = ("ESTIMATOR", ", ".join(_allowed())), ("DIR", "folder of a run, or FILE of a log")
+    for k, (place, allowed) in enumerate(wanted):
         if len(argv) <= k or not argv[k] or argv[k].startswith("-"):
             raise BadInputError(f"{place} is missing; allowed: {allowed}")
     return argv[0], Path(argv[1]), argv[2:]

@@ -32,9 +32,8 @@ from mathnavi.sim.records.files import npz_bytes
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
 ARRAYS, TABLE = "estimates.npz", "estimates.csv"
-_ARGUMENT = re.compile(
-    r"\b(sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units)=(\{.*?\}|\[.*?\]|'.*?'|\w+)"
-)
+_ADVISED = "sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units"
+_ARGUMENT = re.compile(rf"\b({_ADVISED})=(\{{.*?\}}|\[.*?\]|'.*?'|\w+)")
 
 
 @configuration
@@ -44,14 +43,14 @@ class EstimateLogOptions:
     mission: Annotated[str, ValueName("FILE.py:NAME")]
     """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file, which
     runs with your rights"""
-    readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMN,...")]
-    """columns of each sensor, by its name"""
-    inputs: Annotated[str, ValueName("COLUMN,...")] = ""
-    """columns of the input; zero if not given"""
+    readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMNS...")]
+    """columns of each sensor by its name, with commas between them"""
+    inputs: Annotated[str, ValueName("COLUMNS")] = ""
+    """columns of the input, with commas between them; zero if not given"""
     time: str = "t"
     """column of the times"""
     time_unit: str | None = None
-    """unit of the times, s, ms, us, ns, or iso for dates; that in brackets in the column's name, else s, if not given"""
+    """unit of the times, s, ms, us, ns, or iso for dates; that in the column's name, else s, if not given"""
     units: Annotated[tuple[str, ...], TOGETHER, ValueName("COLUMN=UNIT...")] = ()
     """units of columns, as deg or mm; those in brackets in their names, else SI units, if not given"""
     out: Path | None = None

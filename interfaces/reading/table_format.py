@@ -69,6 +69,11 @@ class TableFormat:
                 ) from None
 
 
+def names_in(text: str) -> list[str]:
+    """Return names with commas between them; one that has a comma itself stands in double quotes."""
+    return [name.strip() for row in csv.reader([text], skipinitialspace=True) for name in row]
+
+
 def advice_for_cell(cell: str, form: TableFormat) -> str:
     """Return "; ARGUMENT allows it" for a number in another notation; "" for any other cell."""
     if form.decimal == "." and _THOUSANDS.fullmatch(cell):
@@ -92,14 +97,36 @@ def advice_for_names(lines: Sequence[str], fits: Callable[[Sequence[str]], bool]
 
 
 def advice_without_names(names: Sequence[str]) -> str:
-    """Return the argument that a file needs whose first line holds numbers in place of names; "" for another file."""
-    numbers = [name for name in names if _NUMBER.fullmatch(name)]
-    return f"names=[...] with {len(names)} names" if names and len(numbers) == len(names) else ""
+    """Return the arguments that a file needs whose first line holds numbers in place of names; "" for another file."""
+    for separator, cells in (("", list(names)), *_split_anew(names)):
+        if cells and all(map(_NUMBER.fullmatch, cells)):
+            return f"names=[...] with {len(cells)} names" + (f" and sep={separator!r}" if separator else "")
+    return ""
+
+
+def advice_for_row(row: Sequence[str], count: int) -> str:
+    """Return "; ARGUMENT allows it" for a row that has ``count`` cells with another separator; "" for any other."""
+    found = [separator for separator, cells in _split_anew(row) if len(cells) == count]
+    return f"; sep={found[0]!r} allows it" if found else ""
+
+
+def advice_for_quotes(line: str) -> str:
+    """Return "; ARGUMENT allows it" for a line whose quoted cells another separator follows; "" for any other."""
+    found = re.search(r'"([;|\t])', line)
+    return f"; sep={found[1]!r} allows it" if found else ""
+
+
+def _split_anew(row: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Return separators with the cells into which each of them divides a row that is a single cell."""
+    for separator in _SEPARATORS if len(row) == 1 else ():
+        for _, cells in _split(row, separator):
+            if len(cells) > 1:
+                yield separator, cells
 
 
 def misspelt(name: str, names: Sequence[str]) -> str:
     """Return a hint at the columns that a name may stand for; "" without one."""
-    alike = [each for each in names if each.lower() == name.lower()] or close_names(name, names)
+    alike = [each for each in names if each.lower() == name.lower()] or close_names(name, [*dict.fromkeys(names)])
     return f"; did you mean {' or '.join(map(repr, alike))}?" if alike else ""
 
 

@@ -26,7 +26,14 @@ from typing import IO, NoReturn
 import numpy as np
 
 from mathnavi.interfaces.reading.files import MEBIBYTE, MOST_LINES, MOST_OF_A_LINE, Refusal, opened
-from mathnavi.interfaces.reading.table_format import BLANKS, TableFormat, advice_for_cell
+from mathnavi.interfaces.reading.table_format import (
+    BLANKS,
+    TableFormat,
+    advice_for_cell,
+    advice_for_quotes,
+    advice_for_row,
+)
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signals import Array
 
 _BLOCK = MEBIBYTE  # [bytes] that are read at a time
@@ -47,10 +54,11 @@ _NO_TEXT = {  # first bytes of files that are no text
     b"\x89MCAP": "an MCAP file; allowed: one of its topics, saved as CSV",
     b"ULog": "a ULog file; allowed: one of its topics, saved as CSV",
 }
-_MISSING = {  # what pandas takes for a missing value
-    *("", "nan", "NaN", "-nan", "-NaN", "NA", "N/A", "n/a", "<NA>", "#N/A", "#N/A N/A", "#NA", "NULL", "null", "None"),
+_MISSING = {  # what pandas takes for a missing value, besides NaN
+    *("", "NA", "N/A", "n/a", "<NA>", "#N/A", "#N/A N/A", "#NA", "NULL", "null", "None"),
     *("1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN"),
 }
+_NAN = re.compile(r"[+-]?nan", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _NOT_WRITTEN = re.compile("[\0\udc80-\udcff]")  # null bytes, and bytes that are no text
@@ -112,14 +120,16 @@ def read_table(
     """
     reader = _Reader(path, form, error, head.names)
     parts = [(np.empty((0, len(numbers))), [()] * len(texts), np.empty(0, dtype=np.int64))]
+    above: list[str] = []
     with opened(path, error, MOST_LINES) as file:
         for line, text in reader.blocks(file, head.line):
             lines = text.split("\n")
-            tail = lines.pop()  # "" but for a line that does not end
+            tail = lines.pop()  # "" but for a last line that does not end
             if lines:
                 parts.append(reader.columns(line, lines, numbers, texts))
-            if tail and (kept := reader.unfinished(line + len(lines), tail, lines, numbers)):
-                parts.append(reader.columns(line + len(lines), [kept], numbers, texts))
+                above = lines[-_COMPARED:]
+            if tail and reader.is_whole(line + len(lines), tail, above, numbers):
+                parts.append(reader.columns(line + len(lines), [tail], numbers, texts))
     columns = zip(*(part for _, part, _ in parts), strict=True)
     return Table(
         np.concatenate([part for part, _, _ in parts]),
@@ -209,13 +219,16 @@ class _Reader:
 
     def rows(self, first: int, text: str) -> Iterator[tuple[int, tuple[str, ...]]]:
         """Return the cells of each row that is not blank, without blanks around them, and its line."""
-        lines = csv.reader(text.split("\n"), delimiter=self._sep, skipinitialspace=True, strict=True)
+        lines = text.split("\n")
+        reader = csv.reader(lines, delimiter=self._sep, skipinitialspace=True, strict=True)
         try:
-            for row in lines:
+            for row in reader:
                 if any(cells := tuple(cell.strip() for cell in row)):
-                    yield first + lines.line_num - 1, cells
+                    yield first + reader.line_num - 1, cells
         except csv.Error as fault:
-            self._refuse(first + lines.line_num - 1, f"{fault}; allowed: cells with {self._sep!r} between them")
+            advice = advice_for_quotes(lines[reader.line_num - 1])
+            allowed = f"cells with {self._sep!r} between them{advice}"
+            self._refuse(first + reader.line_num - 1, f"{fault}; allowed: {allowed}")
 
     def columns(
         self, first: int, lines: list[str], numbers: Sequence[int], texts: Sequence[int]
@@ -256,7 +269,8 @@ class _Reader:
         if len(row) > count and not any(row[count:]):  # it ends in separators
             row = row[:count]
         if len(row) != count:
-            self._refuse(line, f"{len(row)} cells; allowed: {count}, as there are names of columns")
+            advice = advice_for_row(row, count)
+            self._refuse(line, f"{counted(len(row), 'cell')}; allowed: {count}, as there are names of columns{advice}")
         if row == self.names:
             self._refuse(line, "it repeats the names of the columns, as where two logs were joined; allowed: one log")
         return row
@@ -275,7 +289,7 @@ class _Reader:
 
     def _value(self, cell: str) -> float | None:
         """Return the number in a cell, NaN for a missing value; None for anything else."""
-        if cell in self._missing:
+        if cell in self._missing or _NAN.fullmatch(cell):
             return math.nan
         form = self.form
         if form.thousands and form.thousands in cell:
@@ -297,8 +311,8 @@ class _Reader:
 
     # ---- the last line
 
-    def unfinished(self, line: int, tail: str, above: Sequence[str], numbers: Sequence[int]) -> str:
-        """Return a last line that no line end follows; "" and a note if it is cut off."""
+    def is_whole(self, line: int, tail: str, above: Sequence[str], numbers: Sequence[int]) -> bool:
+        """Return False, and make a note, if a last line that no line end follows is cut off."""
         try:
             row = next(csv.reader([tail], delimiter=self._sep, skipinitialspace=True, strict=True))
         except csv.Error:
@@ -312,12 +326,12 @@ class _Reader:
         if cut:
             shown = tail if len(tail) <= _SHOWN else f"{tail[:_SHOWN]}..."
             self.notes.append(f"line {line} is cut off and left out: {shown!r}")
-        return "" if cut else tail
+        return not cut
 
     def _fewer_decimals(self, cell: str, above: Sequence[str]) -> bool:
         """Return True if all numbers above a last one have the same number of decimals, and it has fewer."""
         mark = self.form.decimal
-        decimals = [len(each.rpartition(self._sep)[2].rstrip('" ').partition(mark)[2]) for each in above[-_COMPARED:]]
+        decimals = [len(each.rpartition(self._sep)[2].rstrip('" ').partition(mark)[2]) for each in above]
         return len({*decimals}) == 1 and len(cell.strip().partition(mark)[2]) < decimals[0]
 
     def _refuse(self, line: int, what: str) -> NoReturn:

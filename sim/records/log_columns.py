@@ -24,7 +24,12 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records import log_times
 
 _BRACKETS = re.compile(r"(.*?)(\s*)(?:\[([^\[\]]*)\]|\(([^()]*)\))$")
-_ENDING = re.compile(r".*[^A-Za-z](deg|degs|degrees|dps|rpm|mm|cm|kmh|kph)", re.IGNORECASE)
+_ENDINGS = {  # of names, that state a unit which is not the SI unit
+    **dict.fromkeys(("deg", "degs", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("dps", "degps", "deg_s", "deg_per_s", "deg_per_sec", "degrees_per_second"), "deg/s"),
+    **{"rpm": "rpm", "gs": "g", "mm": "mm", "cm": "cm", "km": "km", "kmh": "km/h", "kph": "km/h", "km_per_h": "km/h"},
+}
+_ENDING = re.compile(rf".*[^A-Za-z]({'|'.join(sorted(_ENDINGS, key=len, reverse=True))})", re.IGNORECASE)
 _TIME_ENDING = re.compile(r".*[^A-Za-z](ms|msec|us|usec|ns|nsec)|.*(?:Ms|Us|Ns)")
 _TIME_FACTORS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 _TIME_SYMBOL = re.compile(r"([mnuµμ]?s|[mun]?sec|seconds?)")
@@ -54,12 +59,13 @@ def read_log_columns(
     head = read_head(path, form, LogError)
     time_place, *places = _places(path, head, (time, *wanted), form)
     header = [head.names[place] for place in (time_place, *places)]
-    row = _unit_row(head, (time_place, *places))
-    notes = [] if row is None else [f"line {head.line + 1} holds the units"]
-    head = head if row is None else TableHead(head.names, head.line + 1, head.rows[1:])
-    stated = [
-        _stated(name) if row is None or not unit else unit for name, unit in zip(header, row or header, strict=True)
-    ]
+    notes: list[str] = []
+    stated = [_stated(name) for name in header]
+    if (row := _unit_row(head, (time_place, *places))) is not None:
+        line = head.rows[0][0]
+        notes.append(f"line {line} holds units")
+        stated = [unit or own for unit, own in zip(row, stated, strict=True)]
+        head = TableHead(head.names, line, head.rows[1:])
     given = _given(path, dict(zip((time, *wanted), header, strict=True)), units)
     unit = _time_unit(path, time, header[0], stated[0], time_unit, notes)
     factors = [
@@ -90,10 +96,10 @@ def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableForma
         found = [k for k, each in enumerate(head.names) if each == name]
         found = found or [k for k, each in enumerate(short) if each == name]
         if len(found) != 1:
-            how = "there are two columns" if found else "there is no column"
-            raise LogError(
-                f"{path}: {how} {name!r}; it has {', '.join(head.names)}{_advice(path, head, wanted, name, form)}"
-            )
+            how, advice = f"there are {len(found)} columns", "; names=[...] and skiprows= give them others"
+            if not found:
+                how, advice = "there is no column", _advice(path, head, wanted, name, form)
+            raise LogError(f"{path}: {how} {name!r}; it has {', '.join(head.names)}{advice}")
         places += found
     return places
 
@@ -105,7 +111,10 @@ def _advice(path: Path, head: TableHead, wanted: Sequence[str], name: str, form:
     lines = first_lines(path, form, _LOOKED_THROUGH, LogError)
     if advice := advice_for_names(lines, lambda names: {*wanted} <= {*names, *_bare(names)}, form):
         return f"; {advice} allows it"
-    return misspelt(name, head.names)
+    if advice := misspelt(name, head.names):
+        return advice
+    sign = head.names[0][:1]
+    return f"; comment={sign!r} leaves out the lines that begin so" if sign in ("#", "%", ";") else ""
 
 
 def _bare(names: Sequence[str]) -> list[str]:
@@ -169,7 +178,7 @@ def _factor(path: Path, name: str, stated: str | None, given: str | None, notes:
             notes.append(f"column {name!r} was converted from {stated}")
         return factor
     if ending := _ENDING.fullmatch(name):
-        unit = {"degs": "deg", "degrees": "deg"}.get(ending[1].lower(), ending[1].lower())
+        unit = _ENDINGS[ending[1].lower()]
         raise LogError(
             f"{path}: column {name!r} may be in {unit}; units={{{name!r}: {unit!r}}} converts it, and "
             f"units={{{name!r}: '1'}} takes it as it is"

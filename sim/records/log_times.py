@@ -22,9 +22,11 @@ PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 UNITS = (*PER_SECOND, ISO)
 _SINCE_EPOCH = 10**8  # [s] from which on times are since an epoch: 1973 by that of Unix, three years after any other
 _LATEST = 10**10  # [s] the year 2286
+_PRESENT = range(9 * 10**8, 42 * 10**8)  # [s] 1998 to 2103
 _WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
 _STAMP = re.compile(
-    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d{1,18}))?\s*(Z|[+-]\d\d(?::?\d\d)?)?", re.ASCII | re.IGNORECASE
+    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d{1,18}))?\s*(Z|UTC|(?:UTC)?[+-]\d\d(?::?\d\d)?)?",
+    re.ASCII | re.IGNORECASE,
 )
 _EPOCH = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 
@@ -58,8 +60,8 @@ def check_unit(cell: str, unit: str) -> None:
         raise TimeError(0, f"is no date; allowed: ISO 8601, as in 2024-05-01T10:00:00.050+02:00{advice}")
     if number is not None and abs(number) >= _LATEST * PER_SECOND[unit]:
         fitting = next((name for name in PER_SECOND if _is_epoch(number, name)), "")
-        if fitting:
-            raise TimeError(0, f"is no time in {unit}; time_unit={fitting!r} allows it")
+        advice = f"time_unit={fitting!r} allows it" if fitting else f"allowed with time_unit=UNIT: {', '.join(UNITS)}"
+        raise TimeError(0, f"is no time in {unit}; {advice}")
 
 
 def exact_seconds(cells: Sequence[str], unit: str) -> tuple[Array, Decimal]:
@@ -90,7 +92,7 @@ def _nanoseconds(cells: Sequence[str]) -> list[int]:
             if parts is None:
                 raise ValueError
             day, clock, fraction, zone = parts.groups()
-            moment = datetime.datetime.fromisoformat(f"{day}T{clock}{(zone or 'Z').upper()}")
+            moment = datetime.datetime.fromisoformat(f"{day}T{clock}{(zone or '').upper().removeprefix('UTC') or 'Z'}")
         except ValueError:
             raise TimeError(k, "is no date; allowed: ISO 8601, as in 2024-05-01T10:00:00.050+02:00") from None
         if zoned is not None and zoned != bool(zone):
@@ -120,4 +122,4 @@ def _decimal(cell: str) -> Decimal | None:
 
 
 def _is_epoch(number: Decimal, unit: str) -> bool:
-    return _SINCE_EPOCH <= abs(number) / PER_SECOND[unit] < _LATEST
+    return int(number / PER_SECOND[unit]) in _PRESENT

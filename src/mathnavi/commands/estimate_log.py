@@ -24,7 +24,7 @@ from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import TOGETHER, ValueName
-from mathnavi.interfaces.reading.table_format import TableFormat
+from mathnavi.interfaces.reading.table_format import TableFormat, names_in
 from mathnavi.interfaces.writing import write_together
 from mathnavi.sim.plugin.named_object import named_object
 from mathnavi.sim.plugin.registry import PluginSpec, load
@@ -96,12 +96,12 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
 
 
 def _log(path: Path, options: EstimateLogOptions, form: TableFormat) -> SensorLog:
-    readings = {sensor: _columns(columns) for sensor, columns in _pairs("--readings", options.readings).items()}
+    readings = {sensor: names_in(columns) for sensor, columns in _pairs("--readings", options.readings).items()}
     return SensorLog.from_csv(
         path,
         time=options.time,
         readings=readings,
-        inputs=_columns(options.inputs),
+        inputs=names_in(options.inputs),
         time_unit=options.time_unit,
         units=_pairs("--units", options.units),
         **{name: getattr(form, name) for name in form.__dataclass_fields__},
@@ -119,11 +119,6 @@ def _pairs(flag: str, words: Sequence[str]) -> dict[str, str]:
             raise BadInputError(f"{flag} = {word}: {name} is given twice; allowed: once")
         pairs[name] = value
     return pairs
-
-
-def _columns(word: str) -> list[str]:
-    """Return names with commas between them; one that has a comma itself stands in double quotes."""
-    return [name.strip() for name in next(csv.reader([word], skipinitialspace=True), [])]
 
 
 def _with_flags(message: str) -> str:

@@ -111,6 +111,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         r"odometry\[6, 0\] = nan at 0\.3 s; allowed: a finite number, or a row of NaN",
     ),
     "inputs": ({"inputs": U[:, :1]}, r"inputs has 1 columns; allowed: 2"),
+    "unit of times": ({"t": 1000.0 * T}, r"step is 50 s .* of the log, or read the log with time_unit='ms'"),
     "period": ({"t": 4.0 * T}, r"median step is 0\.2 s and the period of range_iekf is 0\.05 s; allowed: within"),
 }
 
@@ -120,26 +121,6 @@ def test_what_is_wrong_with_a_log_is_named_with_its_place(wrong: str) -> None:
     changes, message = WRONG[wrong]
     with pytest.raises(mn.LogError, match=message):
         mn.estimate("range_iekf", MISSION, good(**changes))
-
-
-FILES = {
-    "column": ("t,a\n0,1\n", "no column 'b'; it has t, a"),
-    "twice": ("t,b,b\n0,1,1\n", "two columns 'b'"),
-    "cell": ("t,b\n0,1\n1,x\n", r"line 3, column 'b': 'x'; allowed: a number"),
-    "short row": ("t,b\n0\n", "line 2: 1 cells; allowed: 2"),
-    "empty": ("", "no column 't'; it has no line"),
-    "no rows": ("t,b\n", "t is empty"),
-    "not text": ("t,b\n0,\udcff\n", "is not text in UTF-8"),
-}
-
-
-@pytest.mark.parametrize("wrong", sorted(FILES))
-def test_what_is_wrong_with_a_file_is_named_with_its_line(wrong: str, tmp_path: Path) -> None:
-    text, message = FILES[wrong]
-    path = tmp_path / "log.csv"
-    path.write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(mn.LogError, match=message):
-        mn.SensorLog.from_csv(path, readings={"position": ["b"]})
 
 
 def test_a_method_or_a_field_that_there_is_not_is_refused() -> None:

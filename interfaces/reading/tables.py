@@ -4,9 +4,9 @@ What the columns mean is not known here. Every row that is read has its line in 
 columns a meaning can name it. Of the last line, if no line end follows it, a writer that was interrupted may have
 written a part: it is left out where that shows, which a note says.
 
-A block of lines with nothing but numbers goes through ``numpy.loadtxt``; all else goes cell by cell through Python's
-``csv`` and a strict pattern of numbers. Both accept the same numbers: "1_5", "0x1f" and digits of other scripts, which
-``float`` or others would take, are refused.
+Blocks of numbers are converted as a whole (``number_blocks``), all else cell by cell through Python's ``csv`` and a
+strict pattern of numbers. Both accept the same numbers: "1_5", "0x1f" and digits of other scripts, which ``float`` or
+others would take, are refused.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from operator import methodcaller
 from pathlib import Path
 from typing import IO, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.reading.files import MEBIBYTE, MOST_LINES, MOST_OF_A_LINE, Refusal, opened
+from mathnavi.interfaces.reading.number_blocks import numbers_only
 from mathnavi.interfaces.reading.table_format import (
     BLANKS,
     TableFormat,
@@ -81,8 +82,12 @@ class Table:
 
     numbers: Array  # (n, columns), NaN for a missing value
     texts: tuple[tuple[str, ...], ...]  # cells (n,) of each column that is read as text
-    lines: Array  # (n,) line of each row in the file, the first is 1
+    lines: NDArray[np.int64]  # (n,) line of each row in the file, the first is 1
     notes: tuple[str, ...]  # what was left out, a sentence each
+
+
+_Part = tuple[Array, list[list[str]], NDArray[np.int64]]
+"""numbers, texts by column, and lines of some rows"""
 
 
 def read_head(path: Path, form: TableFormat, error: Refusal) -> TableHead:
@@ -119,17 +124,17 @@ def read_table(
     and for a cell among ``numbers`` that is neither a number nor a missing value, with its line and its column.
     """
     reader = _Reader(path, form, error, head.names)
-    parts = [(np.empty((0, len(numbers))), [()] * len(texts), np.empty(0, dtype=np.int64))]
+    parts: list[_Part] = [(np.empty((0, len(numbers))), [[] for _ in texts], np.empty(0, dtype=np.int64))]
     above: list[str] = []
     with opened(path, error, MOST_LINES) as file:
         for line, text in reader.blocks(file, head.line):
-            lines = text.split("\n")
-            tail = lines.pop()  # "" but for a last line that does not end
-            if lines:
-                parts.append(reader.columns(line, lines, numbers, texts))
-                above = lines[-_COMPARED:]
-            if tail and reader.is_whole(line + len(lines), tail, above, numbers):
-                parts.append(reader.columns(line + len(lines), [tail], numbers, texts))
+            ended = text.rfind("\n") + 1
+            if ended:
+                parts.append(reader.columns(line, text[:ended], numbers, texts))
+                above = text[:ended].rsplit("\n", _COMPARED + 1)[-_COMPARED - 1 : -1]
+            line += text.count("\n")
+            if (tail := text[ended:]) and reader.is_whole(line, tail, above, numbers):
+                parts.append(reader.columns(line, f"{tail}\n", numbers, texts))
     columns = zip(*(part for _, part, _ in parts), strict=True)
     return Table(
         np.concatenate([part for part, _, _ in parts]),
@@ -230,38 +235,24 @@ class _Reader:
             allowed = f"cells with {self._sep!r} between them{advice}"
             self._refuse(first + reader.line_num - 1, f"{fault}; allowed: {allowed}")
 
-    def columns(
-        self, first: int, lines: list[str], numbers: Sequence[int], texts: Sequence[int]
-    ) -> tuple[Array, list[Sequence[str]], Array]:
-        """Return some columns of a block as numbers (n, k), some as texts, and the line of each row."""
-        values = self._numbers_only(lines, numbers)
+    def columns(self, first: int, text: str, numbers: Sequence[int], texts: Sequence[int]) -> _Part:
+        """Return some columns of lines as numbers (n, k), some as texts, and the line of each row."""
+        form, sep = self.form, self._sep
+        values = None
+        if not (
+            '"' in text or form.thousands or form.na_values or (form.decimal != "." and (sep == "," or "." in text))
+        ):
+            plain = text.replace(form.decimal, ".")
+            values = numbers_only(plain, sep, len(self.names), numbers)
         if values is not None and (texts or not np.isnan(values).all(axis=1).any()):
-            parts = [[each.split(self._sep, k + 1)[k].strip() for each in lines] for k in texts]
+            lines = text.split("\n")[:-1] if texts else []
+            parts = [[each.split(sep, k + 1)[k].strip() for each in lines] for k in texts]
             if all(all(part) for part in parts):
-                return values, parts, np.arange(first, first + len(lines))
-        found = [(line, self._checked(line, row)) for line, row in self.rows(first, "\n".join(lines))]
+                return values, parts, np.arange(first, first + len(values), dtype=np.int64)
+        found = [(line, self._checked(line, row)) for line, row in self.rows(first, text)]
         values = np.array([self._values(found, k) for k in numbers], dtype=np.float64).T
         texted = [[row[k] for _, row in found] for k in texts]
         return values.reshape(len(found), len(numbers)), texted, np.array([line for line, _ in found], dtype=np.int64)
-
-    def _numbers_only(self, lines: Sequence[str], numbers: Sequence[int]) -> Array | None:
-        """Return columns (n, k) of lines that hold numbers and nothing else; None for others."""
-        form, sep, count, text = self.form, self._sep, len(self.names), "\n".join(lines)
-        if '"' in text or form.thousands or form.na_values or (form.decimal != "." and (sep == "," or "." in text)):
-            return None
-        if sep * 2 in text or f"\n{sep}" in f"\n{text}" or f"{sep}\n" in f"{text}\n":  # a missing value
-            text = f"\n{text}\n".replace(sep * 2, f"{sep}nan{sep}").replace(sep * 2, f"{sep}nan{sep}")
-            lines = text.replace(f"\n{sep}", f"\nnan{sep}").replace(f"{sep}\n", f"{sep}nan\n")[1:-1].split("\n")
-        if {*map(methodcaller("count", sep), lines)} != {count - 1}:
-            return None
-        if form.decimal != ".":
-            lines = [each.replace(form.decimal, ".") for each in lines]
-        try:
-            values: Array = np.loadtxt(lines, delimiter=sep, comments=None, usecols=numbers, ndmin=2)
-        except ValueError:
-            return None
-        # loadtxt passes over blank lines, and takes a number that is too large for an infinite one.
-        return values if len(values) == len(lines) and not np.isinf(values).any() else None
 
     def _checked(self, line: int, row: tuple[str, ...]) -> tuple[str, ...]:
         """Return a row with a cell for each column."""

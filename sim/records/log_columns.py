@@ -14,6 +14,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces import units as symbols
 from mathnavi.interfaces.checks import allowed_for
@@ -43,7 +44,7 @@ class LogColumns:
     t: Array  # (n,) [s]
     start: Decimal  # [s] what was subtracted from the times of the file
     values: Array  # (n, k) in SI units; NaN where there is none
-    lines: Array  # (n,) of the file
+    lines: NDArray[np.int64]  # (n,) of the file
     names: tuple[str, ...]  # of the k columns in the file
     notes: tuple[str, ...]
 
@@ -235,7 +236,7 @@ def _exact_times(path: Path, table: Table, name: str, unit: str, form: TableForm
         raise LogError(f"{path} line {line}, column {name!r}: {cell!r} {fault}") from None
 
 
-def _check_times(path: Path, t: Array, lines: Array, name: str) -> None:
+def _check_times(path: Path, t: Array, lines: NDArray[np.int64], name: str) -> None:
     if (bad := np.flatnonzero(~np.isfinite(t))).size:
         raise LogError(f"{path} line {lines[bad[0]]}, column {name!r}: no time; allowed: a time in each row")
     if (bad := np.flatnonzero(np.diff(t) <= 0.0)).size:

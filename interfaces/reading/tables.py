@@ -37,7 +37,7 @@ from mathnavi.interfaces.reading.table_format import (
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signals import Array
 
-_BLOCK = MEBIBYTE  # [bytes] that are read at a time
+_BLOCK = 4 * MEBIBYTE  # [bytes] that are read at a time
 _MARKS = {  # byte-order marks, the longer before those that they begin with
     codecs.BOM_UTF32_LE: "utf-32",
     codecs.BOM_UTF32_BE: "utf-32",
@@ -132,9 +132,10 @@ def read_table(
             if ended:
                 parts.append(reader.columns(line, text[:ended], numbers, texts))
                 above = text[:ended].rsplit("\n", _COMPARED + 1)[-_COMPARED - 1 : -1]
-            line += text.count("\n")
-            if (tail := text[ended:]) and reader.is_whole(line, tail, above, numbers):
-                parts.append(reader.columns(line, f"{tail}\n", numbers, texts))
+            if tail := text[ended:]:
+                line += text.count("\n")
+                if reader.is_whole(line, tail, above, numbers):
+                    parts.append(reader.columns(line, f"{tail}\n", numbers, texts))
     columns = zip(*(part for _, part, _ in parts), strict=True)
     return Table(
         np.concatenate([part for part, _, _ in parts]),
@@ -173,7 +174,8 @@ class _Reader:
             except UnicodeError as fault:
                 self._refuse(line, f"it is not text in {encoding} ({fault}); allowed: another encoding=")
             whole = rest.rfind("\n") + 1 if content else len(rest)
-            if not whole or (content and rest.count('"', 0, whole) % 2):  # a quoted cell goes on in the next block
+            quoted = content and '"' in rest and rest.count('"', 0, whole) % 2
+            if not whole or quoted:  # a quoted cell goes on in the next block
                 if len(rest) > MOST_OF_A_LINE + _BLOCK:
                     self._refuse(line, f"it is longer than {MOST_OF_A_LINE} characters, or a quoted cell does not end")
                 continue
@@ -246,7 +248,7 @@ class _Reader:
             values = numbers_only(plain, sep, len(self.names), numbers)
         if values is not None and (texts or not np.isnan(values).all(axis=1).any()):
             lines = text.split("\n")[:-1] if texts else []
-            parts = [[each.split(sep, k + 1)[k].strip() for each in lines] for k in texts]
+            parts = [[_cell(each, sep, k) for each in lines] for k in texts]
             if all(all(part) for part in parts):
                 return values, parts, np.arange(first, first + len(values), dtype=np.int64)
         found = [(line, self._checked(line, row)) for line, row in self.rows(first, text)]
@@ -327,6 +329,11 @@ class _Reader:
 
     def _refuse(self, line: int, what: str) -> NoReturn:
         raise self.error(f"{self.path} line {line}: {what}")
+
+
+def _cell(line: str, sep: str, place: int) -> str:
+    """Return a cell of a line without quotes."""
+    return (line.split(sep, place + 1)[place] if place else line.partition(sep)[0]).strip()
 
 
 def _plain_number(cell: str) -> float:

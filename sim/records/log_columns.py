@@ -227,7 +227,7 @@ def _exact(path: Path, head: TableHead, place: int, unit: str, form: TableFormat
 
 def _exact_times(path: Path, table: Table, name: str, unit: str, form: TableFormat) -> tuple[Array, Decimal]:
     (cells,) = table.texts
-    if unit != log_times.ISO:
+    if unit != log_times.ISO and (form.thousands or form.decimal != "."):
         cells = tuple(_plain(cell, form) for cell in cells)
     try:
         return log_times.exact_seconds(cells, unit)

@@ -23,7 +23,6 @@ UNITS = (*PER_SECOND, ISO)
 _SINCE_EPOCH = 10**8  # [s] from which on times are since an epoch: 1973 by that of Unix, three years after any other
 _LATEST = 10**10  # [s] the year 2286
 _PRESENT = range(9 * 10**8, 42 * 10**8)  # [s] 1998 to 2103
-_WHOLE = re.compile(r"[+-]?\d+", re.ASCII)
 _STAMP = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d:\d\d)(?:[.,](\d{1,18}))?\s*(Z|UTC|(?:UTC)?[+-]\d\d(?::?\d\d)?)?",
     re.ASCII | re.IGNORECASE,
@@ -73,7 +72,8 @@ def exact_seconds(cells: Sequence[str], unit: str) -> tuple[Array, Decimal]:
         stamps, per_second = _nanoseconds(cells), PER_SECOND["ns"]
     else:
         per_second = PER_SECOND[unit]
-        stamps = [int(cell) for cell in cells] if all(map(_WHOLE.fullmatch, cells)) else []
+        digits = "".join(cells)
+        stamps = [int(cell) for cell in cells] if digits.isascii() and digits.isdigit() and all(cells) else []
         if not stamps:
             numbers = [_number(k, cell) for k, cell in enumerate(cells)]
             start = numbers[0]

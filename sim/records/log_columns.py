@@ -68,6 +68,12 @@ def read_log_columns(
         stated = [unit or own for unit, own in zip(row, stated, strict=True)]
         head = TableHead(head.names, line, head.rows[1:])
     given = _given(path, dict(zip((time, *wanted), header, strict=True)), units)
+    if (of_times := given.pop(header[0], None)) is not None:
+        if time_unit is not None:
+            raise LogError(
+                f"{path}: units has {of_times!r} for the times, and time_unit is {time_unit!r}; allowed: one"
+            )
+        time_unit = _time_symbol(of_times) or of_times
     unit = _time_unit(path, time, header[0], stated[0], time_unit, notes)
     factors = [
         _factor(path, name, own, given.get(name), notes) for name, own in zip(header[1:], stated[1:], strict=True)

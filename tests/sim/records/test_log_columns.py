@@ -97,6 +97,7 @@ HONOURED = [
         "t,a[0],b (left)\n0,1.5,2\n0.1,-1.25,3e2\n",
         readings={"position": ["a[0]", "b (left)"]},
     ),
+    honoured("times in a unit among those of columns", TEXT.replace("0.1", "100"), units={"t": "msec"}),
     honoured("times in a unit that is given", TEXT.replace("0.1", "100"), time_unit="ms"),
     honoured(
         "last line without a line end",
@@ -155,6 +156,8 @@ def test_times_since_an_epoch_lose_nothing(
 
 
 REFUSED = [
+    refused("unit of times given twice", TEXT, "for the times, and time_unit is 's'", units={"t": "ms"}, time_unit="s"),
+    refused("unit of times that is given and is none", TEXT, r"time_unit = 'm'; allowed: s, ms", units={"t": "m"}),
     refused("another separator", TEXT.replace(",", ";"), r"no column 't'; it has t;a;b; sep=';' allows it"),
     refused(
         "another separator and a decimal comma",

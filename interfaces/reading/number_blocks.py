@@ -1,7 +1,7 @@
 """Blocks of lines that hold numbers and nothing else, converted as a whole.
 
-pyarrow converts a large block, where it is installed, three times as fast as numpy does. Both accept the same numbers,
-and refuse "1_5", "0x1f" and digits of other scripts; what either refuses has to be read cell by cell.
+pyarrow converts a large block, where it is installed, some three times as fast as numpy does. Both accept the same
+numbers, and refuse "1_5", "0x1f" and digits of other scripts; what either refuses has to be read cell by cell.
 """
 
 from __future__ import annotations

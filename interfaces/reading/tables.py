@@ -172,7 +172,7 @@ class _Reader:
             try:
                 rest += decoder.decode(content, final=not content)
             except UnicodeError as fault:
-                self._refuse(line, f"it is not text in {encoding} ({fault}); allowed: another encoding=")
+                self._refuse(line, f"it is not text in {encoding} ({fault}); allowed: the file's encoding")
             whole = rest.rfind("\n") + 1 if content else len(rest)
             quoted = content and '"' in rest and rest.count('"', 0, whole) % 2
             if not whole or quoted:  # a quoted cell goes on in the next block

@@ -18,7 +18,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import IO, NoReturn
 
@@ -139,7 +139,7 @@ def read_table(
     columns = zip(*(part for _, part, _ in parts), strict=True)
     return Table(
         np.concatenate([part for part, _, _ in parts]),
-        tuple(tuple(cell for part in column for cell in part) for column in columns),
+        tuple(tuple(chain.from_iterable(column)) for column in columns),
         np.concatenate([part for _, _, part in parts]),
         tuple(reader.notes),
     )
@@ -247,8 +247,7 @@ class _Reader:
             plain = text.replace(form.decimal, ".")
             values = numbers_only(plain, sep, len(self.names), numbers)
         if values is not None and (texts or not np.isnan(values).all(axis=1).any()):
-            lines = text.split("\n")[:-1] if texts else []
-            parts = [[_cell(each, sep, k) for each in lines] for k in texts]
+            parts = [_column(text, sep, k) for k in texts]
             if all(all(part) for part in parts):
                 return values, parts, np.arange(first, first + len(values), dtype=np.int64)
         found = [(line, self._checked(line, row)) for line, row in self.rows(first, text)]
@@ -331,9 +330,12 @@ class _Reader:
         raise self.error(f"{self.path} line {line}: {what}")
 
 
-def _cell(line: str, sep: str, place: int) -> str:
-    """Return a cell of a line without quotes."""
-    return (line.split(sep, place + 1)[place] if place else line.partition(sep)[0]).strip()
+def _column(text: str, sep: str, place: int) -> list[str]:
+    """Return the cells of a column of lines without quotes."""
+    lines = text.split("\n")[:-1]
+    if place == 0:
+        return [line.partition(sep)[0].strip() for line in lines]
+    return [line.split(sep, place + 1)[place].strip() for line in lines]
 
 
 def _plain_number(cell: str) -> float:

@@ -77,7 +77,7 @@ class TableHead:
 
 
 @dataclass(frozen=True)
-class Table:
+class TableColumns:
     """Some columns of a table."""
 
     numbers: Array  # (n, columns), NaN for a missing value
@@ -96,7 +96,7 @@ def read_head(path: Path, form: TableFormat, error: Refusal) -> TableHead:
     Raises ``error`` for a file that is no text in the encoding, FileNotFoundError if there is no file.
     """
     with opened(path, error, MOST_LINES) as file:
-        reader = _Reader(path, form, error, form.names or ())
+        reader = _TableReader(path, form, error, form.names or ())
         rows = list(islice((row for block in reader.blocks(file, 0) for row in reader.rows(*block)), 3))
     if form.names is not None:
         return TableHead(form.names, form.skiprows, tuple(rows[:2]))
@@ -111,19 +111,19 @@ def read_head(path: Path, form: TableFormat, error: Refusal) -> TableHead:
 def first_lines(path: Path, form: TableFormat, count: int, error: Refusal) -> list[str]:
     """Read the first lines of a file, those that the format skips too; errors as of ``read_head``."""
     with opened(path, error, MOST_LINES) as file:
-        blocks = _Reader(path, replace(form, skiprows=0, comment=None, sep=","), error, ()).blocks(file, 0)
+        blocks = _TableReader(path, replace(form, skiprows=0, comment=None, sep=","), error, ()).blocks(file, 0)
         return [line for _, text in islice(blocks, 1) for line in text.split("\n")[:count]]
 
 
 def read_table(
     path: Path, form: TableFormat, head: TableHead, numbers: Sequence[int], texts: Sequence[int], error: Refusal
-) -> Table:
+) -> TableColumns:
     """Read the rows below ``head``: some columns, by their places, as numbers, and some as text.
 
     A row without any cell that is filled is left out, as a blank line is. Raises ``error`` for a row of another length,
     and for a cell among ``numbers`` that is neither a number nor a missing value, with its line and its column.
     """
-    reader = _Reader(path, form, error, head.names)
+    reader = _TableReader(path, form, error, head.names)
     parts: list[_Part] = [(np.empty((0, len(numbers))), [[] for _ in texts], np.empty(0, dtype=np.int64))]
     above: list[str] = []
     with opened(path, error, MOST_LINES) as file:
@@ -137,7 +137,7 @@ def read_table(
                 if reader.is_whole(line, tail, above, numbers):
                     parts.append(reader.columns(line, f"{tail}\n", numbers, texts))
     columns = zip(*(part for _, part, _ in parts), strict=True)
-    return Table(
+    return TableColumns(
         np.concatenate([part for part, _, _ in parts]),
         tuple(tuple(chain.from_iterable(column)) for column in columns),
         np.concatenate([part for _, _, part in parts]),
@@ -145,7 +145,7 @@ def read_table(
     )
 
 
-class _Reader:
+class _TableReader:
     """Reader of one table whose columns have ``names``."""
 
     def __init__(self, path: Path, form: TableFormat, error: Refusal, names: Sequence[str]) -> None:

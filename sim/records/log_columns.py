@@ -20,7 +20,7 @@ from mathnavi.interfaces import units as symbols
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import LogError
 from mathnavi.interfaces.reading.table_format import TableFormat, advice_for_names, advice_without_names, misspelt
-from mathnavi.interfaces.reading.tables import Table, TableHead, first_lines, read_head, read_table
+from mathnavi.interfaces.reading.tables import TableColumns, TableHead, first_lines, read_head, read_table
 from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records import log_times
 
@@ -231,7 +231,7 @@ def _exact(path: Path, head: TableHead, place: int, unit: str, form: TableFormat
     return log_times.is_exact(first, unit)
 
 
-def _exact_times(path: Path, table: Table, name: str, unit: str, form: TableFormat) -> tuple[Array, Decimal]:
+def _exact_times(path: Path, table: TableColumns, name: str, unit: str, form: TableFormat) -> tuple[Array, Decimal]:
     (cells,) = table.texts
     if unit != log_times.ISO and (form.thousands or form.decimal != "."):
         cells = tuple(_plain(cell, form) for cell in cells)

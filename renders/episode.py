@@ -17,7 +17,7 @@ from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.pictures import FPS, Pixels
 
-WIDTH, HEIGHT = 640, 480  # [pixels]
+DPI = 100.0  # of a chart
 _DISTANCE = 9.0  # of the camera, in sizes of the vehicle
 _AZIMUTH, _ELEVATION = 35.0, -18.0  # [degrees]
 
@@ -25,19 +25,21 @@ _AZIMUTH, _ELEVATION = 35.0, -18.0  # [degrees]
 class EpisodePictures:
     """Renderer of episodes, which keeps its resources from one picture to the next."""
 
-    def __init__(self) -> None:
+    def __init__(self, width: int, height: int) -> None:
+        """``width`` and ``height`` of the pictures in pixels."""
+        self._size = width, height
         self._snapshots: Snapshots | None = None
         self._viewer: Any = None
         self._window: Any = None
         self._shown: mujoco.MjData | None = None
 
     def drawn(self, episode: EpisodeRunner) -> Pixels:
-        """Draw the picture (480, 640, 3); NoOpenGLError if OpenGL is not available."""
+        """Draw the picture (height, width, 3); NoOpenGLError if OpenGL is not available."""
         plant = _mujoco_plant(episode)
         if plant is None:
-            return _chart(episode)
+            return _chart(episode, *self._size)
         if self._snapshots is None:
-            self._snapshots = Snapshots(WIDTH, HEIGHT)
+            self._snapshots = Snapshots(*self._size)
         _dress(episode, plant)
         return self._snapshots.draw(plant.model, plant.data, _view(episode, plant))
 
@@ -64,9 +66,10 @@ class EpisodePictures:
         import matplotlib.pyplot as plt  # takes a while to import
 
         if self._window is None:
-            self._window = plt.figure(figsize=(WIDTH / 100.0, HEIGHT / 100.0), dpi=100)
+            width, height = self._size
+            self._window = plt.figure(figsize=(width / DPI, height / DPI), dpi=DPI)
         self._window.clear()
-        self._window.figimage(_chart(episode))
+        self._window.figimage(_chart(episode, *self._size))
         plt.pause(1.0 / FPS)
 
     def close(self) -> None:
@@ -116,13 +119,13 @@ def _view(episode: EpisodeRunner, plant: MujocoPlant) -> View:
     return View(centres.mean(axis=0), distance, _AZIMUTH, _ELEVATION)
 
 
-def _chart(episode: EpisodeRunner) -> Pixels:
-    """Draw the states over time."""
+def _chart(episode: EpisodeRunner, width: int, height: int) -> Pixels:
+    """Draw the states over time, a picture (height, width, 3)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes a while to import
     from matplotlib.figure import Figure
 
     recording = episode.recording
-    figure = Figure(figsize=(WIDTH / 100.0, HEIGHT / 100.0), dpi=100)
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
     canvas, axes = FigureCanvasAgg(figure), figure.subplots()
     for name in episode.names:
         for k, state in enumerate(recording.state_names[name]):

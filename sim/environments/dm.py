@@ -24,6 +24,9 @@ with
 The discount is 0 when the mission terminates: the vehicle arrives, touches something or leaves every bound. When the
 time is up it is 1, which is a truncation. A failure, a crash for example, costs nothing besides the steps until then:
 a wrapper decides what it costs.
+
+A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the fields and the seed. Its next episodes are those that
+come next here; it has no present one until ``reset``.
 """
 
 from __future__ import annotations
@@ -136,6 +139,9 @@ class Environment(dm_env.Environment):
     def observation_spec(self) -> dict[str, specs.Array]:
         """Return the specs of the observation, by name."""
         return self._observation_spec
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "fresh": True, "episode_seed": None, "info": {}}
 
     def _begun(self, seed: int) -> Observation:
         observation = self.episode.begin(seed)

@@ -15,6 +15,8 @@ Of a fleet, each of these and the command have a row for each vehicle.
 seed of the environment; everything else that a scenario draws, noise, gusts and the start of a robot that must localise
 itself, is drawn from the seed of the episode. So terrain, models and cost-to-go are built once, and an episode is a run
 of these fields and this seed.
+
+A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the specification: it has the mission and no episode.
 """
 
 from __future__ import annotations
@@ -80,6 +82,7 @@ class EpisodeRunner:
                 "filter = True is for a run; allowed for an environment: SafetyFilterWrapper or FilteredEnvironment "
                 "around it"
             )
+        self._given = spec
         first = spec.build()
         self._task, self._terms = _commanded(spec.scenario, first)
         self._spec = dataclasses.replace(spec, config=dataclasses.replace(spec.config, **self._task.mission))
@@ -102,6 +105,12 @@ class EpisodeRunner:
         self.example = self._observation()
         """example of an observation, for the shapes"""
         self._closed_loop: ClosedLoop | None = None
+
+    def __reduce__(self) -> tuple[type[EpisodeRunner], tuple[RunSpec]]:
+        return EpisodeRunner, (self._given,)
+
+    def __deepcopy__(self, _: dict[int, Any]) -> EpisodeRunner:
+        return EpisodeRunner(self._given)
 
     @property
     def config(self) -> Any:

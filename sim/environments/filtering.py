@@ -31,6 +31,9 @@ class EpisodeFilter:
         self.repeats = whole_ticks(hold, episode.period, "the time for which a command is held")
         """number of periods of the tracker for which a proposal is held"""
 
+    def __reduce__(self) -> tuple[type[EpisodeFilter], tuple[EpisodeRunner]]:
+        return EpisodeFilter, (self._episode,)  # a copy has the filters of a new episode
+
     @property
     def inputs(self) -> Inputs:
         """Inputs for the commands that may be proposed to each vehicle."""

@@ -9,8 +9,11 @@ observations and rewards are those of ``mathnavi.sim.environments.dm``, ``termin
 ``truncated`` when the time is up. Both return in ``info`` the ``outcome`` of the mission, "" while it goes on, the
 ``clearance`` [m] of the true state if there is something to touch, and the kinds of the ``events`` of the step.
 
-``render_mode="rgb_array"`` draws a picture when ``render`` is called, "human" shows a window from the first step on
-(``mathnavi.sim.environments.pictures``).
+``render_mode="rgb_array"`` draws a picture of ``width`` x ``height`` pixels when ``render`` is called, "human" shows a
+window from the first step on (``mathnavi.sim.environments.pictures``).
+
+A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the fields and the seed. Its next episodes are those that
+come next here; it has no present one until ``reset``.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ import numpy as np
 try:
     import gymnasium
     from gymnasium import spaces
+    from gymnasium.utils import RecordConstructorArgs
 except ImportError as error:
     raise ImportError("Gymnasium is not installed; allowed: after pip install 'gymnasium>=1.4,<1.5'") from error
 
@@ -30,7 +34,8 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, EpisodeStep, Observation, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.learning import LearningEpisode
-from mathnavi.sim.environments.pictures import FPS, RENDER_MODES, checked_mode, pictures
+from mathnavi.sim.environments.pictures import FPS, HEIGHT, RENDER_MODES, WIDTH, checked_mode, checked_size, pictures
+from mathnavi.sim.environments.resets import checked_options
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.task import Inputs
@@ -47,14 +52,18 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         seed: int = 0,
         estimator: PluginSpec | str | None = None,
         render_mode: str | None = None,
+        width: int = WIDTH,
+        height: int = HEIGHT,
         **fields: Any,
     ) -> None:
-        """Build the scenario with these fields, its mission drawn from ``seed``.
+        """Build the scenario with these fields, its mission drawn from ``seed``, its pictures ``width`` x ``height``
+        pixels.
 
         Raises ValueError for names that are unknown, fields that are wrong, and a scenario with nothing to command.
         """
         self.render_mode = checked_mode(render_mode)
-        self._pictures = pictures()
+        self._size = checked_size(width, height)
+        self._pictures = pictures(*self._size)
         self.episode = EpisodeRunner(RunSpec.of(scenario, seed, estimator=estimator, fields=fields))
         """mission, run in one episode after the other"""
         self.action_space = self.space_of(self.episode.inputs)
@@ -74,7 +83,8 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; ``info["seed"]`` is its seed. There are no options."""
+        """Begin an episode; ``info["seed"]`` is its seed. There are no options: ArgumentError for any."""
+        checked_options(options)
         super().reset(seed=seed)
         drawn = drawn_seed(self.np_random)
         return self._begun(drawn)
@@ -97,6 +107,13 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         """Close the window and free the renderer."""
         self._pictures.close()
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_pictures"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ |= state
+        self._pictures = pictures(*self._size)  # a process and windows, which no copy can share
+
     def _begun(self, seed: int) -> tuple[Observation, dict[str, Any]]:
         return self.episode.begin(seed), {"seed": seed, **self.episode.info(0)}
 
@@ -113,6 +130,8 @@ class LearningEnv(ScenarioEnv):
         seed: int = 0,
         estimator: PluginSpec | str | None = None,
         render_mode: str | None = None,
+        width: int = WIDTH,
+        height: int = HEIGHT,
         hold: float | None = None,
         discount: float = 1.0,
         covariance: bool = False,
@@ -123,7 +142,7 @@ class LearningEnv(ScenarioEnv):
 
         Raises ValueError as those do.
         """
-        super().__init__(scenario, seed, estimator, render_mode, **fields)
+        super().__init__(scenario, seed, estimator, render_mode, width, height, **fields)
         self._learning = LearningEpisode(self.episode, hold, discount, covariance)
         self.action_space = self.space_of(self._learning.inputs)
         self.observation_space = _observation_space(self._learning.example)
@@ -140,7 +159,7 @@ class LearningEnv(ScenarioEnv):
         return self._learning.step(action)
 
 
-class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Array]):
+class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Array], RecordConstructorArgs):
     """Wrapper that filters commands before they are held: no proposed command leads into the ground.
 
         env = SafetyFilterWrapper(gymnasium.make("mathnavi/SafeFlight-v0"))
@@ -151,7 +170,8 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
 
     def __init__(self, env: gymnasium.Env[Observation, Array]) -> None:
         """Wrap an environment; ArgumentError for one of another kind than a scenario, or without a safety filter."""
-        super().__init__(env)
+        RecordConstructorArgs.__init__(self)  # so that an EnvSpec holds it
+        gymnasium.Wrapper.__init__(self, env)
         if type(env.unwrapped) is not ScenarioEnv:
             raise ArgumentError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv, version 0")
         self._filter = EpisodeFilter(env.unwrapped.episode)

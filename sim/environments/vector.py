@@ -7,10 +7,16 @@ Row i is the environment ``gymnasium.make("mathnavi/SafeFlight-v1", seed=seed + 
 gusts, and, up to rounding, the same observations and rewards. Readings, gusts and rewards are computed for all rows
 at once; the vehicles move along exact arcs (``vector_kernels``), and by MuJoCo where one may touch the ground.
 
-When an episode ends, the next begins in the same step: ``final_obs`` and ``final_info`` hold its last values, as in
-Gymnasium's ``AutoresetMode.SAME_STEP``. ``missions`` is the number of different missions, which the rows share
-in turn: ``num_envs`` if not given. With a ``target`` they share one cost-to-go, and are built in a fraction of the
-time.
+``autoreset_mode`` says when the next episode of a row begins, as in Gymnasium's ``SyncVectorEnv``: in the step that
+ends the last one (``AutoresetMode.SAME_STEP``, if not given: ``final_obs`` and ``final_info`` hold its last values), in
+the step after it, whose action is ignored (``NEXT_STEP``), or when ``reset(options={"reset_mask": mask})`` begins those
+of the rows of a mask (``DISABLED``). An episode is truncated after ``max_episode_steps``.
+
+``missions`` is the number of different missions, which the rows share in turn: ``num_envs`` if not given. With a
+``target`` they share one cost-to-go, and are built in a fraction of the time.
+
+A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the arguments. Its next episodes are those that come next
+here; it has no present ones until ``reset``.
 
 Supported are readings of the full state at every control step, with noise and gusts. Other estimators, lost
 readings, jumps and targets that move are refused: ``vectorization_mode="async"`` supports them.
@@ -19,32 +25,27 @@ readings, jumps and targets that move are refused: ``vectorization_mode="async"`
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import mujoco
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from mathnavi.controllers.flight.cost_to_go import FactoredCost
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.dynamics import HULL_RADIUS
-from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.input_bounds import ROUND_OFF
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.engine.plant import MujocoPlant
-from mathnavi.sim.engine.sensing import mounted
 from mathnavi.sim.environments.episode_runner import EpisodeRunner, Observation, drawn_seed
 from mathnavi.sim.environments.gym import LearningEnv
 from mathnavi.sim.environments.learning import END_COSTS
+from mathnavi.sim.environments.resets import checked_limit, checked_mode, reset_rows, seeds_of_rows
 from mathnavi.sim.environments.vector_kernels import (
     ARRIVED,
     CRASHED,
@@ -61,68 +62,29 @@ from mathnavi.sim.environments.vector_kernels import (
     is_violated,
     state_after,
 )
+from mathnavi.sim.environments.vector_missions import (
+    Chance,
+    Contacts,
+    Mission,
+    checked_plant,
+    flight_terms,
+    refusal,
+    steepest,
+)
 from mathnavi.sim.records.run_spec import RunSpec
-from mathnavi.sim.scenarios.flight_learning import FlightTerms, cost_at_start, cost_to_go
+from mathnavi.sim.scenarios.flight_learning import cost_at_start
 from mathnavi.sim.scenarios.flight_view import components, flight_views
 from mathnavi.sim.scenarios.safe_flight import VEHICLE
 from mathnavi.sim.scenarios.task import Outcome
+
+Mask = NDArray[np.bool_]
 
 _OUTCOMES = {
     FLYING: "", ARRIVED: Outcome.ARRIVED, OFF_MAP: Outcome.OFF_MAP, CRASHED: Outcome.CRASHED, LATE: Outcome.LATE,
 }  # fmt: skip
 _COSTS = np.array([0.0 if state in (FLYING, NEAR) else END_COSTS[Outcome(_OUTCOMES[state])] for state in range(6)])
+_SINGLE = ("estimator", "covariance", "render_mode", "width", "height")  # arguments of single environments only
 _NAMES = np.array([str(_OUTCOMES.get(state, "")) for state in range(6)], dtype=object)
-
-
-@dataclass(frozen=True, eq=False)
-class _Mission:
-    """Data of a mission for its rows."""
-
-    flight: FlightMission  # as known at the start
-    cost: FactoredCost
-    deadline: float  # [s]
-
-    @staticmethod
-    def from_terms(terms: FlightTerms) -> _Mission:
-        flight = terms.missions[VEHICLE]
-        return _Mission(flight, cost_to_go(flight), terms.deadline)
-
-
-@dataclass(frozen=True, eq=False)
-class _Chance:
-    """Random generators of an episode, used as by the plant of a single environment."""
-
-    noise: np.random.Generator  # of the full-state sensor
-    gusts: np.random.Generator
-
-    @staticmethod
-    def from_seed(runner: EpisodeRunner, seed: int) -> _Chance:
-        streams, plant = runner.streams(seed), runner.plant
-        own = streams["sensing"].spawn(1)[0]  # of the plant's only vehicle
-        sensors = mounted(VEHICLE, plant.sensors(VEHICLE), plant.dt, own)
-        noise = next(each.rng for each in sensors if each.sensor.name == "full_state")
-        return _Chance(noise, streams["gusts"])
-
-
-class _Contacts:
-    """Simulator of control steps of one vehicle by MuJoCo, in a model without others."""
-
-    def __init__(self, plant: MujocoPlant, h: float) -> None:
-        self._model, self._data = plant.model, mujoco.MjData(plant.model)
-        self._ticks = whole_ticks(h, plant.dt, "the control period")
-        self._body = int(plant.model.jnt_bodyid[0])
-
-    def step(self, x: Array, u: Array, gust: Array) -> bool:
-        """Advance the state x (6,) in place under u and a gust (3,) [m/s^2]; True if it touches."""
-        data, touched = self._data, False
-        mujoco.mj_resetData(self._model, data)
-        data.qpos[:], data.qvel[:], data.ctrl[:] = x[:3], x[3:], u
-        data.xfrc_applied[self._body, :3] = gust  # its mass is 1 kg
-        for _ in range(self._ticks):
-            mujoco.mj_step(self._model, data)
-            touched |= data.ncon > 0
-        x[:3], x[3:] = data.qpos, data.qvel
-        return touched
 
 
 class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
@@ -140,28 +102,34 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         hold: float | None = None,
         discount: float = 1.0,
         missions: int | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        max_episode_steps: int | None = None,
         **fields: Any,
     ) -> None:
         """Build ``num_envs`` rows; the missions are drawn from ``seed`` on. The rest is as of a ``LearningEnv``.
 
         Raises ArgumentError for fields that are unknown, wrong, or not supported for many rows.
         """
+        self._arguments = dict(
+            num_envs=num_envs, scenario=scenario, seed=seed, hold=hold, discount=discount, missions=missions,
+            autoreset_mode=autoreset_mode, max_episode_steps=max_episode_steps, **fields,
+        )  # fmt: skip
         count = num_envs if missions is None else missions
         for what, number in (("num_envs", num_envs), ("missions", count)):
             if isinstance(number, bool) or not isinstance(number, int) or number < 1:
                 raise ArgumentError(f"{what} = {number!r}; allowed: a whole number >= 1")
         self.num_envs, self.render_mode = num_envs, None
-        refused = sorted(
-            name for name in fields if name.partition(".")[0] in ("estimator", "covariance", "render_mode")
-        )
+        self._mode, self._limit = checked_mode(autoreset_mode), checked_limit(max_episode_steps)
+        self.metadata = {**self.metadata, "autoreset_mode": self._mode}
+        refused = sorted(name for name in fields if name.partition(".")[0] in _SINGLE)
         if refused:
-            raise ArgumentError(_refusal(refused[0], fields[refused[0]]))
+            raise ArgumentError(refusal(refused[0], fields[refused[0]]))
         first = LearningEnv(scenario, seed, hold=hold, discount=discount, **fields)
         runner = first.episode
-        plant = _checked_plant(runner)
-        terms = _flight_terms(runner)
+        plant = checked_plant(runner)
+        terms = flight_terms(runner)
         others = (EpisodeRunner(RunSpec.of(scenario, seed + k, fields=fields)) for k in range(1, min(count, num_envs)))
-        made = [_Mission.from_terms(terms), *(_Mission.from_terms(_flight_terms(other)) for other in others)]
+        made = [Mission.from_terms(terms), *(Mission.from_terms(flight_terms(other)) for other in others)]
         self._missions = [made[k % len(made)] for k in range(num_envs)]
         self.single_action_space, self.single_observation_space = first.action_space, first.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -170,8 +138,8 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self._h = runner.period / runner.control_steps
         self._steps = whole_ticks(first.hold, self._h, "hold")
         self._made = np.zeros(num_envs, dtype=np.int64)  # control steps of the last hold
-        self._ground, self._contacts = terms.ground, _Contacts(plant, self._h)
-        self._steepest = _steepest(terms.ground)
+        self._ground, self._contacts = terms.ground, Contacts(plant, self._h)
+        self._steepest = steepest(terms.ground)
         self._targets = np.array([mission.flight.target for mission in self._missions])
         self._starts = np.array([mission.flight.start_state for mission in self._missions])
         deadlines = np.array([mission.deadline for mission in self._missions])
@@ -183,7 +151,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self._limits = flight.clearance_min, flight.speed_max
         self._beta = terms.cost_max - flight.acceleration_max**2
         self._seeders = [seeding.np_random(None)[0] for _ in range(num_envs)]
-        self._chance: dict[int, _Chance] = {}  # by row, where anything is drawn
+        self._chance: dict[int, Chance] = {}  # by row, where anything is drawn
         self._x = self._starts.copy()
         self._done = np.zeros(num_envs, dtype=np.int64)
         self._potential = np.zeros(num_envs)
@@ -191,6 +159,20 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self._clipped = np.zeros(num_envs, dtype=bool)
         self._read = self._starts.copy()
         self._begun = False
+        self._taken = np.zeros(num_envs, dtype=np.int64)  # steps of the present episodes
+        self._over = np.zeros(num_envs, dtype=np.bool_)  # rows whose episode has ended, and no other has begun
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"arguments": self._arguments, "seeders": self._seeders, "spec": self.spec}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state["arguments"])  # type: ignore[misc]
+        self._seeders, self.spec = state["seeders"], state["spec"]
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """Generators of the episodes' seeds, one for each row, as of a ``SyncVectorEnv``."""
+        return tuple(self._seeders)
 
     @property
     def hold(self) -> float:
@@ -200,53 +182,77 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode in every row; ``seed`` is that of the first row, plus one for each next row, or a list."""
-        if isinstance(seed, int):
-            given: list[int | None] = [seed + i for i in range(self.num_envs)]
-        else:
-            given = [None] * self.num_envs if seed is None else list(seed)
-        if len(given) != self.num_envs:
-            raise ArgumentError(f"seed holds {len(given)} seeds; allowed: {self.num_envs}")
-        for i, own in enumerate(given):
-            if own is not None:
+        """Begin an episode in every row, or in those of ``options["reset_mask"]``, (num_envs,) bool.
+
+        ``seed`` is that of the first row, plus one for each next row, or a list; rows that go on do not use theirs.
+        ``info`` is that of the rows that begin. Raises ArgumentError for options and seeds that are wrong, and changes
+        nothing then.
+        """
+        rows, given = reset_rows(options, self.num_envs), seeds_of_rows(seed, self.num_envs)
+        if not (self._begun or rows.all()):
+            raise ArgumentError("options: reset_mask before any episode; allowed: after a reset() of every row")
+        for i in np.flatnonzero(rows):
+            if (own := given[i]) is not None:
                 self._seeders[i] = seeding.np_random(own)[0]
-        seeds = self._restart(np.arange(self.num_envs))
+        seeds = self._restart(rows)
         self._begun = True
-        every = np.ones(self.num_envs, dtype=bool)
-        info = self._info(np.full(self.num_envs, FLYING), [()] * self.num_envs)
-        return self._observation(), {**info, "seed": seeds, "_seed": every}
+        info = self._info(np.full(self.num_envs, FLYING), [()] * self.num_envs, rows)
+        return self._observation(), {**info, "seed": seeds, "_seed": rows.copy()}
 
     def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
-        """Hold an action (num_envs, 3) in every row.
+        """Hold an action (num_envs, 3) in every row but those whose next episode begins, by ``NEXT_STEP``.
 
-        Raises ValueError for another shape, for values that are not finite, and before ``reset``.
+        Raises ValueError for another shape, for values that are not finite, before ``reset``, and by ``DISABLED``
+        for a row whose episode is over.
         """
-        if not self._begun:
-            raise ArgumentError("no episode has begun; allowed: after reset()")
-        u, events = self._bounded(actions)
+        beginning = self._checked_rows()
+        u, events = self._bounded(actions, beginning)
         begun = self._done.copy()
-        states = self._fly(u)
-        ended = states != FLYING
+        states = self._fly(u, beginning)
+        terminated = states != FLYING
         rate = np.square(u).sum(axis=1) + self._beta
         kept = self._done - begun - self._violated
         cost = (rate * kept + self._cost_max * self._violated) * self._h
-        before, self._potential = self._potential, np.where(ended, 0.0, self._phi())
+        before, self._potential = self._potential, np.where(terminated, 0.0, self._phi())
         rewards = -cost / self._scale + self._discount * self._potential - before - _COSTS[states]
+        rewards[beginning] = 0.0
+        self._taken += 1
+        truncated = ~beginning & (self._taken >= self._limit if self._limit is not None else False)
         for i in np.flatnonzero(states == CRASHED):
             events[i] = (*events[i], "ground-contact")
         self._observe()
-        info = self._info(states, events)
-        if ended.any():
-            info |= self._next(np.flatnonzero(ended), info)
-        return self._observation(), rewards, ended, np.zeros(self.num_envs, dtype=bool), info
+        seeds = self._restart(beginning)
+        info = self._info(states, events, np.ones(self.num_envs, dtype=np.bool_))
+        if beginning.any():
+            info |= {"seed": seeds, "_seed": beginning}
+        over = terminated | truncated
+        if self._mode is not AutoresetMode.SAME_STEP:
+            self._over = over
+        elif over.any():
+            info |= self._next(over, info)
+        return self._observation(), rewards, terminated, truncated, info
 
     # ---- a step
 
-    def _bounded(self, actions: Array) -> tuple[Array, list[tuple[str, ...]]]:
-        """Return the accelerations (n, 3) clipped to their bounds, and events where clipping begins."""
+    def _checked_rows(self) -> Mask:
+        """Return the rows whose next episode begins in this step; ArgumentError for rows that cannot go on."""
+        if not self._begun:
+            raise ArgumentError("no episode has begun; allowed: after reset()")
+        if self._mode is AutoresetMode.DISABLED and self._over.any():
+            raise ArgumentError(
+                f"step(): the episodes of rows {np.flatnonzero(self._over).tolist()} are over; allowed: after "
+                'reset(options={"reset_mask": mask})'
+            )
+        return self._over.copy()
+
+    def _bounded(self, actions: Array, ignored: Mask) -> tuple[Array, list[tuple[str, ...]]]:
+        """Return the accelerations (n, 3) clipped to their bounds, zero in rows that are ignored, and events where
+        clipping begins.
+        """
         u = np.array(actions, dtype=np.float64)
         if u.shape != (self.num_envs, 3):
             raise ArgumentError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
+        u[ignored] = 0.0
         if not np.isfinite(u).all():
             where = int(np.argwhere(~np.isfinite(u))[0, 0])
             raise ArgumentError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
@@ -260,11 +266,11 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         begins, self._clipped = clipped & ~self._clipped, clipped
         return u, [("input-clipped",) if begin else () for begin in begins]
 
-    def _fly(self, u: Array) -> Integers:
-        """Advance every row; return the states of the rows, ``FLYING`` or how they ended."""
+    def _fly(self, u: Array, resting: Mask) -> Integers:
+        """Advance every row that does not rest; return the states of the rows, ``FLYING`` or how they ended."""
         made, violated, limits = self._made, self._violated, self._limits
         made[:] = violated[:] = 0
-        states = np.full(self.num_envs, FLYING, dtype=np.int64)
+        states = np.where(resting, LATE, FLYING)  # only rows that fly are advanced
         gusts, ground = self._drawn_gusts(), self._ground
         radius = self._missions[0].flight.arrival_radius
         below = Ground(ground.z, ground.spacing, HULL_RADIUS, self._steepest)
@@ -274,6 +280,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
             fly(below, rules, rows, u, gusts)
             near = np.flatnonzero(states == NEAR)
             if not len(near):
+                states[resting] = FLYING
                 return states
             for i in near:
                 touched = self._contacts.step(self._x[i], u[i], gusts[i, made[i]])
@@ -336,87 +343,53 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         left = np.maximum(self._deadlines[rows] - self._done[rows] * self._h, 0.0)
         return {"time_left": left[:, np.newaxis], **views, "status": np.zeros(len(rows), dtype=np.int64)}
 
-    def _info(self, states: Integers, events: list[tuple[str, ...]]) -> dict[str, Any]:
-        every = np.ones(self.num_envs, dtype=bool)
-        happened = np.empty(self.num_envs, dtype=object)
-        for i, of_row in enumerate(events):
-            happened[i] = of_row
+    def _info(self, states: Integers, events: list[tuple[str, ...]], rows: Mask) -> dict[str, Any]:
+        """Return ``info`` of some rows, and which they are, as Gymnasium stacks it."""
+        happened = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(rows):
+            happened[i] = events[i]
         clearance = self._x[:, 2] - self._ground.height(self._x[:, 0], self._x[:, 1])
         return {
-            "outcome": _NAMES[states], "_outcome": every, "events": happened, "_events": every,
-            "clearance": clearance, "_clearance": every,
+            "outcome": np.where(rows, _NAMES[states], None), "_outcome": rows.copy(),
+            "events": happened, "_events": rows.copy(),
+            "clearance": np.where(rows, clearance, 0.0), "_clearance": rows.copy(),
         }  # fmt: skip
 
     # ---- the next episode
 
-    def _next(self, rows: Integers, info: dict[str, Any]) -> dict[str, Any]:
+    def _next(self, over: Mask, info: dict[str, Any]) -> dict[str, Any]:
         """Begin the next episode in some rows; return ``info`` of the last step of the old and of the first of the new
         ones.
         """
+        rows = np.flatnonzero(over)
         last = self._observed(rows)
-        observations, mask = np.full(self.num_envs, None, dtype=object), np.zeros(self.num_envs, dtype=bool)
+        observations = np.full(self.num_envs, None, dtype=object)
         for k, i in enumerate(rows):
             observations[i] = {name: value[k] for name, value in last.items()}
-        mask[rows] = True
         final = {name: value.copy() for name, value in info.items() if not name.startswith("_")}
-        final |= {f"_{name}": mask.copy() for name in list(final)}
-        seeds = np.zeros(self.num_envs, dtype=np.int64)
-        seeds[rows] = self._restart(rows)
-        states = np.full(self.num_envs, FLYING)
-        events = [() if mask[i] else each for i, each in enumerate(info["events"])]
+        final |= {f"_{name}": over.copy() for name in list(final)}
+        seeds = self._restart(over)
+        events = [() if over[i] else each for i, each in enumerate(info["events"])]
         return {
-            **self._info(states, events), "seed": seeds, "_seed": mask.copy(),
-            "final_obs": observations, "_final_obs": mask, "final_info": final, "_final_info": mask.copy(),
+            **self._info(np.full(self.num_envs, FLYING), events, np.ones(self.num_envs, dtype=np.bool_)),
+            "seed": seeds, "_seed": over.copy(),
+            "final_obs": observations, "_final_obs": over, "final_info": final, "_final_info": over.copy(),
         }  # fmt: skip
 
-    def _restart(self, rows: Integers) -> Integers:
-        """Begin an episode in some rows; return their seeds."""
-        seeds = np.array([drawn_seed(self._seeders[i]) for i in rows], dtype=np.int64)
+    def _restart(self, mask: Mask) -> Integers:
+        """Begin an episode in some rows; return their seeds (num_envs,), 0 in the other rows."""
+        rows, seeds = np.flatnonzero(mask), np.zeros(self.num_envs, dtype=np.int64)
+        seeds[rows] = [drawn_seed(self._seeders[i]) for i in rows]
         config = self._runner.config
         if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
-            for i, seed in zip(rows.tolist(), seeds, strict=True):
-                self._chance[i] = _Chance.from_seed(self._runner, int(seed))
+            for i in rows.tolist():
+                self._chance[i] = Chance.from_seed(self._runner, int(seeds[i]))
         self._x[rows] = self._read[rows] = self._starts[rows]
         if config.noise.position > 0.0:
             width = np.sqrt(3.0) * config.noise.position
             for i in rows.tolist():
                 self._read[i, :3] += self._chance[i].noise.uniform(-width, width, 3)
-        self._done[rows] = 0
-        self._blowing[rows] = self._clipped[rows] = False
+        self._done[rows] = self._taken[rows] = 0
+        self._blowing[rows] = self._clipped[rows] = self._over[rows] = False
         self._potential[rows] = -1.0
         return seeds
-
-
-def _refusal(name: str, value: Any) -> str:
-    return (
-        f"{name} = {value!r} is not computed for many missions at once; allowed: its default, or "
-        'vectorization_mode="async"'
-    )
-
-
-def _flight_terms(runner: EpisodeRunner) -> FlightTerms:
-    terms = runner.terms
-    assert isinstance(terms, FlightTerms)
-    return terms
-
-
-def _checked_plant(runner: EpisodeRunner) -> MujocoPlant:
-    """Return the plant of a mission; ArgumentError for fields that are not supported for many rows at once."""
-    config = runner.config
-    for name, value in (
-        ("target_path", config.target_path),
-        ("faults.dropout_rate", config.faults.dropout_rate),
-        ("faults.position_jump", config.faults.position_jump),
-    ):
-        if value:
-            raise ArgumentError(_refusal(name, value))
-    plant = runner.plant.plant if isinstance(runner.plant, Disturbed) else runner.plant
-    assert isinstance(plant, MujocoPlant)
-    return plant
-
-
-def _steepest(terrain: HeightField) -> float:
-    """Return the slope of the steepest triangle."""
-    east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
-    below_diagonal, above_diagonal = np.hypot(east[:-1], north[:, 1:]), np.hypot(east[1:], north[:, :-1])
-    return float(max(below_diagonal.max(), above_diagonal.max())) / terrain.spacing

@@ -35,8 +35,9 @@ from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models import opengl
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.encoding import FORMATS
 from mathnavi.renders.film import TOUR
-from mathnavi.renders.video import FPS, write_video
+from mathnavi.renders.video import write_video
 
 LIMIT = 10.0  # [s] of the whole video
 PARTS = Path(__file__).with_name("video_parts.py")
@@ -52,7 +53,7 @@ class Arguments:
     """width of the video [pixels]"""
     height: int = 1080
     """height of the video [pixels]"""
-    fps: int = FPS
+    fps: int = FORMATS[".mp4"].fps
     """frame rate of the video [1/s]"""
     repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 2
     """number of videos"""

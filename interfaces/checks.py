@@ -6,13 +6,14 @@ import difflib
 import errno
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from mathnavi.interfaces.errors import FieldError
 
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS accept
 _LONGEST_PLAIN = 100  # [bytes], which leaves room for endings
+PAGES = (".html", ".htm")  # endings of a page
 _CLOSE = 0.6  # similarity from which an unknown name counts as misspelt
 
 
@@ -39,6 +40,18 @@ def check_path(path: Path, name: str) -> None:
     except OSError as error:
         if error.errno == errno.ELOOP:
             raise FieldError(f"{name} = {given}, a link that leads back to itself; allowed: another path") from None
+
+
+def checked_ending(path: object, allowed: Collection[str], name: str = "path") -> str:
+    """Return the ending of a file's name in lower case, with its dot; FieldError for one that is not ``allowed``."""
+    ending = Path(path).suffix.lower() if isinstance(path, (str, os.PathLike)) else ""
+    if ending not in allowed:
+        *others, last = allowed
+        shown = path if isinstance(path, (str, os.PathLike)) else repr(path)
+        raise FieldError(
+            f"{name} = {shown}; allowed: a name that ends in {', '.join(others)}{' or ' * bool(others)}{last}"
+        )
+    return ending
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:

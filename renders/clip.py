@@ -9,16 +9,19 @@ from __future__ import annotations
 import io
 from contextlib import closing
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
-from mathnavi.interfaces.checks import check
+from mathnavi.interfaces.checks import check, checked_ending
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.writing import write_bytes
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.encoding import FORMATS, checked_rate, checked_size, starts
 from mathnavi.renders.film import Shot, checked_camera, frames_of
-from mathnavi.renders.video import STILL_SAMPLES, check_rate, check_size, counted, draw
+from mathnavi.renders.video import STILL_SAMPLES, counted, draw
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
 LENGTH, LAST_MOMENT = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays
@@ -36,19 +39,21 @@ def write_clip(
     path: str | Path | None = None,
     width: int = WIDTH,
     height: int = HEIGHT,
-    fps: int = FPS,
+    fps: float = FPS,
     length: float = LENGTH,
     progress: bool = False,
 ) -> Path:
-    """Write a clip of a run, ``CAMERA.webp`` in its folder if ``path`` is not given, whole or not at all.
+    """Write a clip of a run, ``CAMERA.webp`` in its folder if no ``path`` to a .webp is given, whole or not at all.
 
     It shows the run from ``begin`` to ``end`` [s], by default those of its highlight, or of the run if that is one
     moment, within ``length`` [s]. Raises as ``video.write_video`` does, ValueError for moments outside of the run or
     out of order, and RuntimeError if even the lowest quality takes more than ``MOST_BYTES``.
     """
-    check_size(width, height)
-    check_rate(fps)
-    check(length, "length", 1.0 / fps, LONGEST)
+    if path is not None:
+        checked_ending(path, (".webp",))
+    width, height = checked_size(width, height)
+    rate = checked_rate(fps, FORMATS[".webp"].fastest)
+    check(length, "length", float(1 / rate), LONGEST)
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     run = drawing.load_run(directory)
     shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
@@ -58,12 +63,12 @@ def write_clip(
     if not first < last <= run.duration:
         raise ArgumentError(f"end = {last:g} s; allowed: more than {first:g}, where it begins, to {run.duration:g} s")
     seen = [annotation for annotation in drawing.annotations(run) if first <= annotation[0] <= last]
-    shots = (Shot(shown, first, last, length), Shot(shown, last, last, 1.0 / fps))
-    frames = [replace(frame, brief=True) for frame in frames_of(shots, seen, fps, 0.0)]
+    shots = (Shot(shown, first, last, length), Shot(shown, last, last, float(1 / rate)))
+    frames = [replace(frame, brief=True) for frame in frames_of(shots, seen, float(rate), 0.0)]
     with closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn:
         pictures = [Image.fromarray(picture) for picture in counted(drawn, "clip", len(frames), progress)]
     target = Path(path) if path is not None else directory / f"{shown}.webp"
-    write_bytes(target, _encoded(pictures, fps))
+    write_bytes(target, _encoded(pictures, rate))
     return target
 
 
@@ -79,9 +84,10 @@ def _stretch(
     return first, end if end is not None else last if first < last else duration
 
 
-def _encoded(pictures: list[Image.Image], fps: int) -> bytes:
+def _encoded(pictures: list[Image.Image], rate: Fraction) -> bytes:
     """Return an animated WebP that repeats, with the best quality that is small enough."""
-    lengths = [round(1000.0 / fps)] * (len(pictures) - 1) + [round(1000.0 * LAST_MOMENT)]  # [ms]
+    begun = starts(len(pictures) - 1, rate, 1000)
+    lengths = [*np.diff(begun).tolist(), round(1000.0 * LAST_MOMENT)]  # [ms]
     for quality in QUALITIES:
         file = io.BytesIO()
         pictures[0].save(

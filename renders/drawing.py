@@ -68,7 +68,7 @@ class Drawing(Generic[R]):
         for camera in (*self.cameras, self.still_camera):  # each is the name of a file
             plain_name(camera, "camera")
 
-    def frames(self, run: R, direction: str = TOUR, fps: int = 24) -> list[Frame]:
+    def frames(self, run: R, direction: str = TOUR, fps: float = 24.0) -> list[Frame]:
         """Return the frames of a video by one of the cameras or of the tour; ValueError for another direction."""
         if direction != TOUR:
             checked_camera(direction, self.cameras)

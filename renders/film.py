@@ -63,7 +63,7 @@ def checked_camera(camera: str, cameras: Sequence[str]) -> str:
     return camera
 
 
-def frames_of(shots: Sequence[Shot], annotations: Sequence[Annotation], fps: int, turn: float) -> list[Frame]:
+def frames_of(shots: Sequence[Shot], annotations: Sequence[Annotation], fps: float, turn: float) -> list[Frame]:
     """The frames of a video, 1/fps seconds apart.
 
     Args:
@@ -73,7 +73,7 @@ def frames_of(shots: Sequence[Shot], annotations: Sequence[Annotation], fps: int
         turn: [degrees/s of video] at which the cameras that turn do.
     """
     if fps < 1:
-        raise ArgumentError(f"fps = {fps}; allowed: a whole number of at least 1")
+        raise ArgumentError(f"fps = {fps:g}; allowed: at least 1")
     frames: list[Frame] = []
     total = sum(shot.length for shot in shots)
     coming = list(annotations)

@@ -14,37 +14,37 @@ import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import astuple
+from fractions import Fraction
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO, Any
 
-import av
 import numpy as np
 from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from mathnavi.interfaces.checks import checked_ending
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.writing import naming, whole_files, write_bytes
 from mathnavi.models import opengl
 from mathnavi.renders.child import DrawingFailedError, child_command, last_line
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.encoding import FORMATS, Codec, checked_codec, checked_rate, checked_size, encode
 from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.heartbeat import lines_of_progress
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.plugin.trust import is_trusted
 
-WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
-LEAST_SIZE, LARGEST_SIZE = 16, 8192  # [pixels]
-FASTEST = 240  # [1/s]
 MOST_WORKERS = 4
 
-Codec = Literal["h264", "av1", "vp9"]
-ENCODERS: dict[Codec, tuple[str, dict[str, str]]] = {
-    "h264": ("libx264", {"crf": "20", "preset": "veryfast"}),  # x264 is under the GPL
-    "av1": ("libsvtav1", {"crf": "30", "preset": "10"}),  # SVT-AV1 and
-    "vp9": ("libvpx-vp9", {"crf": "31", "b:v": "0", "deadline": "good", "cpu-used": "5"}),  # libvpx under BSD licences
-}  # of FFmpeg, with their options, all of about the same quality
+STILLS: dict[str, tuple[str, dict[str, Any]]] = {
+    ".png": ("PNG", {"optimize": True}),
+    ".jpg": ("JPEG", {"quality": 90}),
+    ".jpeg": ("JPEG", {"quality": 90}),
+    ".webp": ("WEBP", {"quality": 90}),
+}
+"""formats of a still by the endings of their files, with Pillow's options"""
 
 
 def write_video(
@@ -52,18 +52,20 @@ def write_video(
     camera: str = TOUR,
     *,
     path: str | Path | None = None,
-    width: int = WIDTH,
-    height: int = HEIGHT,
-    fps: int = FPS,
+    width: int | None = None,
+    height: int | None = None,
+    fps: float | Fraction | None = None,
     progress: bool = True,
-    codec: Codec = "h264",
+    codec: Codec | None = None,
 ) -> Path:
     """Write the video of a run, ``video.mp4`` in its folder if ``path`` is not given, whole or not at all.
 
-    MP4, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. ``codec``: H.264 plays
-    everywhere, AV1 and VP9 are encoded without a library under the GPL. Raises FileNotFoundError or ArgumentError for a
-    run that is missing or broken, for an unknown camera and for a codec that FFmpeg here does not encode,
-    ``opengl.NoOpenGLError`` if OpenGL is not available.
+    12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. The ending of ``path`` says the
+    format: .mp4, .webm, .gif or .webp. ``width`` and ``height`` [pixels] are 1280 x 720, ``fps`` 24 pictures a second,
+    of a GIF or WebP 640 x 360 and 12, if not given. ``codec``: H.264, in MP4 only, plays everywhere; AV1 and VP9 are
+    encoded without a library under the GPL. Raises FileNotFoundError or ArgumentError for a run that is missing or
+    broken, for an unknown camera, another ending, and a codec that the format does not hold or FFmpeg here does not
+    encode, ``opengl.NoOpenGLError`` if OpenGL is not available.
     """
     with video_begun(
         run_dir, camera, path=path, width=width, height=height, fps=fps, progress=progress, codec=codec
@@ -77,29 +79,29 @@ def video_begun(
     camera: str = TOUR,
     *,
     path: str | Path | None = None,
-    width: int = WIDTH,
-    height: int = HEIGHT,
-    fps: int = FPS,
+    width: int | None = None,
+    height: int | None = None,
+    fps: float | Fraction | None = None,
     progress: bool = True,
-    codec: Codec = "h264",
+    codec: Codec | None = None,
 ) -> Iterator[Callable[[], Path]]:
     """Begin the video that ``write_video`` writes, with the same arguments and errors; what is yielded finishes it.
 
     The processes that draw make the scene in between. They end with the block.
     """
-    _check_codec(codec)
-    check_size(width, height)
-    if width % 2 or height % 2:
-        raise ArgumentError(f"size = {width} x {height}; allowed: even numbers")
-    check_rate(fps)
-    directory, drawing = Path(run_dir), drawing_of(run_dir)
-    frames = drawing.frames(drawing.load_run(directory), camera, fps)
-    target = Path(path) if path is not None else directory / "video.mp4"
-    with closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
+    directory = Path(run_dir)
+    target = directory / "video.mp4" if path is None else path
+    ending = checked_ending(target, FORMATS)
+    form, chosen = FORMATS[ending], checked_codec(codec, ending)
+    size = checked_size(form.size[0] if width is None else width, form.size[1] if height is None else height)
+    rate = checked_rate(form.fps if fps is None else fps, form.fastest)
+    target, drawing = Path(target), drawing_of(run_dir)
+    frames = drawing.frames(drawing.load_run(directory), camera, float(rate))
+    with closing(draw(directory, frames, *size, VIDEO_SAMPLES)) as pictures:
 
         def finish() -> Path:
             with whole_files(target) as (scratch,), naming(target):
-                _encode(scratch, counted(pictures, "video", len(frames), progress), width, height, fps, codec)
+                encode(scratch, counted(pictures, "video", len(frames), progress), size, rate, form, chosen)
             return target
 
         yield finish
@@ -119,32 +121,22 @@ def counted(pictures: Iterable[Picture], name: str, total: int, shown: bool) -> 
             number += 1
 
 
-def check_size(width: int, height: int) -> None:
-    """Raise ArgumentError for a size [pixels] that no picture is drawn in."""
-    if width % 2 or height % 2 or not (min(width, height) >= LEAST_SIZE and max(width, height) <= LARGEST_SIZE):
-        raise ArgumentError(f"size = {width} x {height}; allowed: even numbers from {LEAST_SIZE} to {LARGEST_SIZE}")
-
-
-def check_rate(fps: int) -> None:
-    """Raise ArgumentError for a rate [1/s] at which no pictures are shown."""
-    if not 1 <= fps <= FASTEST:
-        raise ArgumentError(f"fps = {fps}; allowed: a whole number from 1 to {FASTEST}")
-
-
 def write_still(
     run_dir: str | Path,
     camera: str | None = None,
     path: str | Path | None = None,
     *,
     t: float | None = None,
-    width: int = WIDTH,
-    height: int = HEIGHT,
+    width: int = 1280,
+    height: int = 720,
 ) -> Path:
-    """Write a PNG of a run, ``CAMERA.png`` in its folder if ``path`` is not given.
+    """Write a picture of a run, ``CAMERA.png`` in its folder if ``path`` is not given.
 
-    It shows the moment ``t`` [s], by default the middle of the run's highlight; errors as of ``write_video``.
+    It shows the moment ``t`` [s], by default the middle of the run's highlight. The ending of ``path`` says the
+    format: .png, .jpg, .jpeg or .webp. Errors as of ``write_video``.
     """
-    check_size(width, height)
+    ending = ".png" if path is None else checked_ending(path, STILLS)
+    width, height = checked_size(width, height)
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     run = drawing.load_run(directory)
     if t is not None and not 0.0 <= t <= run.duration:
@@ -155,7 +147,8 @@ def write_still(
     with closing(draw(directory, [Frame(moment, shown, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:
         picture = next(pictures)
     file = io.BytesIO()
-    Image.fromarray(picture).save(file, format="PNG", optimize=True)
+    form, options = STILLS[ending]
+    Image.fromarray(picture).save(file, format=form, **options)
     write_bytes(target, file.getvalue())
     return target
 
@@ -236,31 +229,3 @@ class _Artists:
         if len(data) == size:
             return data
         raise DrawingFailedError(f"the process that draws ended: {last_line(self._errors[artist])}")
-
-
-def _check_codec(codec: str) -> None:
-    """Raise ArgumentError for an unknown codec, or one whose encoder this FFmpeg lacks."""
-    known = [name for name, (encoder, _) in ENCODERS.items() if _encodes(encoder)]
-    if codec not in known:
-        raise ArgumentError(
-            f"codec = {codec!r}; allowed with the FFmpeg that PyAV has here: {', '.join(known) or 'none'}"
-        )
-
-
-def _encodes(encoder: str) -> bool:
-    try:
-        av.Codec(encoder, "w")
-    except ValueError:
-        return False
-    return True
-
-
-def _encode(path: Path, pictures: Iterable[Picture], width: int, height: int, fps: int, codec: Codec) -> None:
-    encoder, options = ENCODERS[codec]
-    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
-        stream = container.add_stream(encoder, rate=fps, options=options)
-        assert isinstance(stream, av.VideoStream)
-        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        for picture in pictures:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
-        container.mux(stream.encode())

@@ -229,7 +229,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         if self._mode is not AutoresetMode.SAME_STEP:
             self._over = over
         elif over.any():
-            info |= self._next(over, info)
+            info = self._next(over, states, events)
         return self._observation(), rewards, terminated, truncated, info
 
     # ---- a step
@@ -357,19 +357,18 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
     # ---- the next episode
 
-    def _next(self, over: Mask, info: dict[str, Any]) -> dict[str, Any]:
-        """Begin the next episode in some rows; return ``info`` of the last step of the old and of the first of the new
-        ones.
+    def _next(self, over: Mask, states: Integers, events: list[tuple[str, ...]]) -> dict[str, Any]:
+        """Begin the next episode in the rows that are over; return ``info`` of the last step of the old and of the
+        first of the new ones.
         """
         rows = np.flatnonzero(over)
         last = self._observed(rows)
         observations = np.full(self.num_envs, None, dtype=object)
         for k, i in enumerate(rows):
             observations[i] = {name: value[k] for name, value in last.items()}
-        final = {name: value.copy() for name, value in info.items() if not name.startswith("_")}
-        final |= {f"_{name}": over.copy() for name in list(final)}
+        final = self._info(states, events, over)
         seeds = self._restart(over)
-        events = [() if over[i] else each for i, each in enumerate(info["events"])]
+        events = [() if ended else each for each, ended in zip(events, over, strict=True)]
         return {
             **self._info(np.full(self.num_envs, FLYING), events, np.ones(self.num_envs, dtype=np.bool_)),
             "seed": seeds, "_seed": over.copy(),

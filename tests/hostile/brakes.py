@@ -39,8 +39,8 @@ def brakes(patch: pytest.MonkeyPatch, *, draws: bool = False) -> None:
         patch.setattr(module, "draw", _draw if draws else _black)
     if not draws:
         patch.setattr(Figure, "savefig", _saved)
-    encode = video._encode
-    patch.setattr(video, "_encode", lambda path, pictures, *size: encode(path, islice(pictures, FRAMES), *size))
+    encode = video.encode
+    patch.setattr(video, "encode", lambda path, pictures, *size: encode(path, islice(pictures, FRAMES), *size))
 
 
 def _short(simulate: Callable[..., Any]) -> Callable[..., Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,7 +11,9 @@ from mathnavi.commands import opengl
 from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, print_error
+from mathnavi.commands.output import output_folder
 from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import checked_ending
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
 from mathnavi.sim.plugin.trust import trusting
@@ -21,7 +24,10 @@ class RenderOptions:
     """Flags of the command: the run to draw, and how."""
 
     folder: Annotated[Path, Positional("DIR")]
-    """folder of a run; the picture is written into it"""
+    """folder of a run; the picture is written into it if --out is not given"""
+    out: Path | None = None
+    """file of the picture, whose ending says the format: .mp4, .webm, .gif or .webp of a video, .png, .jpg or .webp of
+    a still, .webp of a clip; video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp in DIR if not given"""
     camera: str | None = None
     """camera: of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of
     robots top, chase; of bodies and arms panel, scene; of others fixed, track, top, board, and those of the model"""
@@ -30,7 +36,8 @@ class RenderOptions:
     time: float | None = None
     """moment of the still [s]; the one with most to see if not given"""
     codec: Literal["h264", "av1", "vp9"] | None = None
-    """codec of the video; h264 if not given; av1 and vp9 are encoded without a library under the GPL"""
+    """codec of the video; h264 of an MP4, vp9 of a WebM if not given; av1 and vp9 are encoded without a library under
+    the GPL"""
     clip: bool = False
     """whether to draw a small clip that plays for five seconds, an animated WebP, instead of a video"""
     begin: float | None = None
@@ -59,32 +66,48 @@ class RenderOptions:
 def main(argv: Sequence[str]) -> int:
     if (code := watched("render", argv)) is not None:
         return code
-    purpose = "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp."
+    purpose = "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp, or the file of --out."
     (options,) = parse(argv, "mathnavi render", purpose, FlagGroup(RenderOptions))
     opengl.check_choice()
     from mathnavi.commands.flown import import_from_here
     from mathnavi.models.opengl import NoOpenGLError
     from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
+    from mathnavi.renders.encoding import FORMATS
     from mathnavi.renders.film import TOUR
-    from mathnavi.renders.video import write_still, write_video
+    from mathnavi.renders.video import STILLS, write_still, write_video
     from mathnavi.sim.records.claimed_folder import kept_in_place
 
     if options.trust:  # a custom drawing
         import_from_here()
-    film = options.folder / f"{options.camera or 'video'}.mp4"
+    if options.out is not None:
+        with bad_input():
+            checked_ending(options.out, STILLS if options.still else (".webp",) if options.clip else FORMATS, "--out")
+    film = options.out or options.folder / f"{options.camera or 'video'}.mp4"
     try:
-        with bad_input(), trusting(options.trust), kept_in_place(options.folder):
+        with ExitStack() as stack:
+            stack.enter_context(bad_input())
+            stack.enter_context(trusting(options.trust))
+            stack.enter_context(kept_in_place(options.folder))
+            if options.out is not None:
+                stack.enter_context(output_folder(options.out.parent))
             if options.still:
-                path = write_still(options.folder, options.camera, t=options.time)
+                path = write_still(options.folder, options.camera, options.out, t=options.time)
             elif options.clip:
-                path = write_clip(options.folder, options.camera, begin=options.begin, end=options.end, progress=True)
+                path = write_clip(
+                    options.folder,
+                    options.camera,
+                    begin=options.begin,
+                    end=options.end,
+                    path=options.out,
+                    progress=True,
+                )
             else:
                 path = write_video(
                     options.folder,
                     options.camera or TOUR,
                     path=film,
                     progress=True,
-                    codec=options.codec or "h264",
+                    codec=options.codec,
                 )
     except BadInputError as error:
         raise BadInputError(with_flag(str(error), ("--camera", "--codec", "--time", "--begin", "--end"))) from error

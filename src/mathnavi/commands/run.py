@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from mathnavi.sim.engine.loop import Loop
     from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 
+_PICTURES = (".mp4", ".webm", ".gif", ".webp", ".png", ".jpg", ".jpeg")  # endings of what draws a run
 UNPLANNED = 3  # exit status of a run that succeeded without its planner
 
 
@@ -178,7 +179,7 @@ def fly(
 
 def _stale(folder: Path, new: Path) -> list[str]:
     """Return the names of an earlier run's pictures and reports in a folder, which must not stay with a new run."""
-    pictures = {file.name for file in folder.glob("*") if file.suffix in {".mp4", ".png", ".webp", ".html"}}
+    pictures = {file.name for file in folder.glob("*") if file.suffix in (*_PICTURES, ".html")}
     if not pictures:
         return []  # what draws takes a while to import
     stale = _drawn(folder)
@@ -195,7 +196,7 @@ def _drawn(folder: Path) -> set[str]:
         cameras = drawing_of(folder).cameras
     except (OSError, ValueError):
         cameras = ()
-    return {"video.mp4", "report.html", *(f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png", "webp"))}
+    return {"report.html", *(f"{name}{ending}" for name in ("video", *cameras) for ending in _PICTURES)}
 
 
 def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
@@ -223,7 +224,7 @@ def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:
             from mathnavi.renders.video import video_begun
 
             with told("video", of_video):
-                finish = drawing.enter_context(video_begun(folder, codec=options.codec or "h264"))
+                finish = drawing.enter_context(video_begun(folder, codec=options.codec))
         if options.report:
             from mathnavi.renders.report import write_report
 

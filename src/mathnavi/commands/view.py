@@ -21,6 +21,7 @@ from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.commands.run import build
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.checks import PAGES, checked_ending
 from mathnavi.interfaces.field_table import Positional
 from mathnavi.models.opengl_probe import FaultError, try_glfw
 from mathnavi.sim.engine.scene_record import RecordedMotion
@@ -50,7 +51,7 @@ class ViewOptions:
     web: bool = False
     """whether to show the run in a browser; prints the URL"""
     save: Path | None = None
-    """file to write the page to, which then needs neither a server nor a network"""
+    """file to write the page to, .html or .htm, which then needs neither a server nor a network"""
     host: str | None = None
     """address of this machine at which --web serves; 127.0.0.1 if not given; the URL of any other has a token"""
     port: Port | None = None
@@ -60,6 +61,8 @@ class ViewOptions:
 
     def __post_init__(self) -> None:
         check_address(self.host, self.port, web=self.web)
+        if self.save is not None:
+            checked_ending(self.save, PAGES, "--save")
 
 
 def main(argv: Sequence[str]) -> int:

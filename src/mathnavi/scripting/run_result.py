@@ -7,10 +7,12 @@ import dataclasses
 import io
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Literal
 
+from mathnavi.interfaces.checks import PAGES, checked_ending
 from mathnavi.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.interfaces.writing import write_text
 from mathnavi.sim.plugin.trust import trusting
@@ -49,21 +51,31 @@ class RunResult(closed_loop.RunData):
         path: str | Path,
         camera: str = "tour",
         *,
+        width: int | None = None,
+        height: int | None = None,
+        fps: float | Fraction | None = None,
         progress: bool = False,
-        codec: Literal["h264", "av1", "vp9"] = "h264",
-        **options: int,
+        codec: Literal["h264", "av1", "vp9"] | None = None,
     ) -> Path:
-        """Write an MP4 and return its path; ``options`` are ``width``, ``height`` [pixels] and ``fps`` [1/s].
+        """Write a video and return its path, whose ending says the format: .mp4, .webm, .gif or .webp.
 
-        Raises ValueError for a camera that the run does not have, RuntimeError without OpenGL.
+        ``width`` and ``height`` [pixels] are 1280 x 720, ``fps`` 24 pictures a second, of a GIF or WebP 640 x 360 and
+        12, if not given. ``codec`` is h264 in an MP4, vp9 in a WebM, if not given. Raises ValueError for another
+        ending, a size, rate or codec that the format does not have, and a camera that the run does not have,
+        RuntimeError without OpenGL.
         """
         from mathnavi.renders.video import write_video
 
+        size = {"width": width, "height": height}
         with self._in_folder() as folder:
-            return write_video(folder, camera, path=Path(path), progress=progress, codec=codec, **options)
+            return write_video(folder, camera, path=path, fps=fps, progress=progress, codec=codec, **size)
 
     def report(self, path: str | Path) -> Path:
-        """Write the run as one HTML page that needs no network, and return its path."""
+        """Write the run as one HTML page that needs no network, and return its path, which ends in .html or .htm.
+
+        Raises ValueError for another ending.
+        """
+        checked_ending(path, PAGES)
         from mathnavi.renders.drawing import drawing_of
 
         with self._in_folder() as folder:

@@ -17,6 +17,7 @@ from mathnavi.sim.environments.dm import FilteredEnvironment, LearningEnvironmen
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.gym import LearningEnv, SafetyFilterWrapper
 from mathnavi.sim.environments.learning import LearningEpisode
+from mathnavi.sim.environments.registration import identifier
 from mathnavi.sim.plugin.registry import load as plugin
 from mathnavi.sim.records.run_spec import RunSpec
 from tests.sim.environments import missions
@@ -39,8 +40,7 @@ def test_every_scenario_passes_both_checkers_and_its_actions_are_bounded(
     action = made().action_spec()
     assert isinstance(action, specs.BoundedArray)
     assert np.isfinite([action.minimum, action.maximum]).all()
-    monkeypatch.setattr("mathnavi.sim.environments.gym.EpisodeRunner", lambda *_: missions.commanded(scenario))
-    missions.assert_passes_gymnasium(LearningEnv(scenario))
+    missions.assert_passes_gymnasium(identifier(scenario, 1), monkeypatch)
 
 
 def played(episode: LearningEpisode, policy: Policy, seed: int = 1) -> tuple[list[float], dict[str, Any], float]:

@@ -86,6 +86,8 @@ def main() -> None:
         if what == "model":
             if renderer is not None:
                 renderer.close()
+            buffer = content.vis.global_  # in which MuJoCo draws: no picture may be larger
+            buffer.offwidth, buffer.offheight = max(buffer.offwidth, width), max(buffer.offheight, height)
             data, renderer = mujoco.MjData(content), mujoco.Renderer(content, height, width)
         else:
             assert renderer is not None

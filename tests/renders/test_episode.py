@@ -70,6 +70,18 @@ def test_the_process_that_draws_sees_what_mujoco_would_draw_here(scenario: str) 
         here.close()
 
 
+@needs_opengl
+def test_a_picture_may_be_larger_than_the_model_says() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco><visual><global offwidth='64' offheight='48'/></visual></mujoco>")
+    begun = Snapshots(131, 97)
+    try:
+        picture = begun.draw(model, mujoco.MjData(model), View(np.zeros(3), 1.0, 0.0, 0.0))
+    finally:
+        begun.close()
+    assert picture.shape == (97, 131, 3)
+    assert model.vis.global_.offwidth == 64  # the caller's own is as it was
+
+
 def test_a_process_that_cannot_draw_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "quantum")
     with pytest.raises(NoOpenGLError, match=r"MUJOCO_GL = quantum; allowed: osmesa, egl, glfw"):

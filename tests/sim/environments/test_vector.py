@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers import TimeLimit
+from gymnasium.wrappers import TimeLimit, vector
 
 import mathnavi.sim.environments  # noqa: F401  makes them known to Gymnasium
 from mathnavi.sim.environments.gym import LearningEnv
@@ -37,7 +37,7 @@ def assert_same(found: Any, expected: Any) -> None:
         assert found.keys() == expected.keys()
         for name in expected:
             assert_same(found[name], expected[name])
-    elif isinstance(expected, tuple) or (isinstance(expected, np.ndarray) and expected.dtype == object):
+    elif isinstance(expected, (tuple, list)) or (isinstance(expected, np.ndarray) and expected.dtype == object):
         for one, other in zip(found, expected, strict=True):
             assert_same(one, other)
     elif isinstance(expected, (np.ndarray, np.number, float, int)):
@@ -86,6 +86,61 @@ def test_every_row_is_gymnasiums_row_of_the_single_environment(mode: AutoresetMo
         final = made[4].get("final_info", made[4])["outcome"]
         ends |= {(final[i], bool(made[3][i])) for i in np.flatnonzero(over)}
     assert {("crashed", False), ("off the map", False), ("", True)} <= ends
+
+
+def flat(envs: Any) -> Any:
+    return vector.FlattenObservation(envs)
+
+
+@pytest.mark.honoured("environment", "vector wrappers of Gymnasium")
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize(
+    "wrapped",
+    [
+        vector.RecordEpisodeStatistics,
+        vector.DictInfoToList,
+        vector.NormalizeReward,
+        vector.ClipAction,
+        lambda envs: vector.ClipReward(envs, -0.01, 0.01),
+        lambda envs: vector.TransformReward(envs, lambda reward: 2.0 * reward),
+        lambda envs: vector.RescaleAction(envs, -1.0, 1.0),
+        lambda envs: vector.TransformAction(envs, lambda action: 0.5 * action),
+        lambda envs: vector.FilterObservation(envs, ["velocity", "target"]),
+        flat,
+        lambda envs: vector.NormalizeObservation(flat(envs)),
+        lambda envs: vector.TransformObservation(flat(envs), np.tanh),
+        lambda envs: vector.DtypeObservation(flat(envs), np.float64),
+        lambda envs: vector.ReshapeObservation(flat(envs), (*flat(envs).single_observation_space.shape, 1)),
+        lambda envs: vector.RecordEpisodeStatistics(vector.NormalizeReward(vector.NormalizeObservation(flat(envs)))),
+    ],
+)
+def test_a_wrapper_of_gymnasium_does_what_it_does_around_its_own_rows(
+    wrapped: Callable[[Any], Any], mode: AutoresetMode, singles: list[Any]
+) -> None:
+    """Those that take a mode of SyncVectorEnv take it here, and give the same."""
+    rows, expected = both(singles, mode)
+    try:
+        other = wrapped(expected)
+    except ValueError:
+        assert mode is not AutoresetMode.NEXT_STEP
+        with pytest.raises(ValueError, match="autoreset_mode"):
+            wrapped(rows)
+        return
+    one, over = wrapped(rows), np.zeros(ROWS, dtype=bool)
+    assert_same(one.reset(seed=3), other.reset(seed=3))
+    down = np.clip(
+        np.array([[0.0, 0.0, -40.0], [1.0, 2.0, 3.0], [0.0, -40.0, 3.0]]), one.action_space.low, one.action_space.high
+    )
+    for _ in range(18):
+        if mode is AutoresetMode.DISABLED and over.any():
+            for envs in (rows, expected):
+                envs.reset(options={"reset_mask": over.copy()})
+        made, wanted = one.step(down), other.step(down)
+        for each in (made, wanted):
+            if isinstance(each[4], dict) and "episode" in each[4]:
+                assert each[4]["episode"].pop("t") is not None  # a wall-clock time
+        assert_same(made, wanted)
+        over = made[2] | made[3]
 
 
 @pytest.mark.honoured("environment", "reset_mask, with and without seeds")

@@ -150,7 +150,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         flight, self._cost_max = terms.missions[VEHICLE], terms.cost_max
         self._limits = flight.clearance_min, flight.speed_max
         self._beta = terms.cost_max - flight.acceleration_max**2
-        self._seeders = [seeding.np_random(None)[0] for _ in range(num_envs)]
+        self._seeders = [seeding.np_random(None) for _ in range(num_envs)]  # of the episodes, with their own seeds
         self._chance: dict[int, Chance] = {}  # by row, where anything is drawn
         self._x = self._starts.copy()
         self._done = np.zeros(num_envs, dtype=np.int64)
@@ -172,7 +172,12 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Generators of the episodes' seeds, one for each row, as of a ``SyncVectorEnv``."""
-        return tuple(self._seeders)
+        return tuple(rng for rng, _ in self._seeders)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """Seeds of these generators."""
+        return tuple(seed for _, seed in self._seeders)
 
     @property
     def hold(self) -> float:
@@ -193,7 +198,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
             raise ArgumentError("options: reset_mask before any episode; allowed: after a reset() of every row")
         for i in np.flatnonzero(rows):
             if (own := given[i]) is not None:
-                self._seeders[i] = seeding.np_random(own)[0]
+                self._seeders[i] = seeding.np_random(own)
         seeds = self._restart(rows)
         self._begun = True
         info = self._info(np.full(self.num_envs, FLYING), [()] * self.num_envs, rows)
@@ -221,10 +226,8 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         for i in np.flatnonzero(states == CRASHED):
             events[i] = (*events[i], "ground-contact")
         self._observe()
-        seeds = self._restart(beginning)
-        info = self._info(states, events, np.ones(self.num_envs, dtype=np.bool_))
-        if beginning.any():
-            info |= {"seed": seeds, "_seed": beginning}
+        begins = {"seed": self._restart(beginning), "_seed": beginning} if beginning.any() else {}
+        info = self._info(states, events, np.ones(self.num_envs, dtype=np.bool_)) | begins
         over = terminated | truncated
         if self._mode is not AutoresetMode.SAME_STEP:
             self._over = over
@@ -345,8 +348,8 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _info(self, states: Integers, events: list[tuple[str, ...]], rows: Mask) -> dict[str, Any]:
         """Return ``info`` of some rows, and which they are, as Gymnasium stacks it."""
-        happened = np.full(self.num_envs, None, dtype=object)
-        for i in np.flatnonzero(rows):
+        happened = np.empty(self.num_envs, dtype=object)  # of None
+        for i in np.flatnonzero(rows).tolist():
             happened[i] = events[i]
         clearance = self._x[:, 2] - self._ground.height(self._x[:, 0], self._x[:, 1])
         return {
@@ -378,7 +381,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
     def _restart(self, mask: Mask) -> Integers:
         """Begin an episode in some rows; return their seeds (num_envs,), 0 in the other rows."""
         rows, seeds = np.flatnonzero(mask), np.zeros(self.num_envs, dtype=np.int64)
-        seeds[rows] = [drawn_seed(self._seeders[i]) for i in rows]
+        seeds[rows] = [drawn_seed(self._seeders[i][0]) for i in rows]
         config = self._runner.config
         if config.noise.position > 0.0 or config.faults.gust_rms > 0.0:
             for i in rows.tolist():

@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.encoding import FORMATS
 from mathnavi.renders.film import TOUR, Frame
 from mathnavi.renders.painter import ScenePainter
-from mathnavi.renders.video import FPS, VIDEO_SAMPLES
+from mathnavi.renders.video import VIDEO_SAMPLES
 
 
 def measured(directory: Path, width: int, height: int, count: int) -> dict[str, float]:
@@ -34,7 +35,7 @@ def measured(directory: Path, width: int, height: int, count: int) -> dict[str, 
 
     drawing = drawing_of(directory)
     run = drawing.load_run(directory)
-    frames: list[Frame] = list(drawing.frames(run, TOUR, FPS))
+    frames: list[Frame] = list(drawing.frames(run, TOUR, FORMATS[".mp4"].fps))
     began = time.process_time()
     with drawing.painter(run, width, height, VIDEO_SAMPLES) as painter:
         assert isinstance(painter, ScenePainter)

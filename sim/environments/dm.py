@@ -25,7 +25,7 @@ The discount is 0 when the mission terminates: the vehicle arrives, touches some
 time is up it is 1, which is a truncation. A failure, a crash for example, costs nothing besides the steps until then:
 a wrapper decides what it costs.
 
-A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the fields and the seed. Its next episodes are those that
+A copy, by ``pickle`` or ``copy.deepcopy``, is rebuilt from the fields and the seed. Its next episodes are those that
 come next here; it has no present one until ``reset``.
 """
 

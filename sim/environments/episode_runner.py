@@ -16,7 +16,7 @@ seed of the environment; everything else that a scenario draws, noise, gusts and
 itself, is drawn from the seed of the episode. So terrain, models and cost-to-go are built once, and an episode is a run
 of these fields and this seed.
 
-A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the specification: it has the mission and no episode.
+A copy, by ``pickle`` or ``copy.deepcopy``, is rebuilt from the specification: it has the mission and no episode.
 """
 
 from __future__ import annotations

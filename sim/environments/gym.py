@@ -12,7 +12,7 @@ observations and rewards are those of ``mathnavi.sim.environments.dm``, ``termin
 ``render_mode="rgb_array"`` draws a picture of ``width`` x ``height`` pixels when ``render`` is called, "human" shows a
 window from the first step on (``mathnavi.sim.environments.pictures``).
 
-A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the fields and the seed. Its next episodes are those that
+A copy, by ``pickle`` or ``copy.deepcopy``, is rebuilt from the fields and the seed. Its next episodes are those that
 come next here; it has no present one until ``reset``.
 """
 

@@ -15,7 +15,7 @@ of the rows of a mask (``DISABLED``). An episode is truncated after ``max_episod
 ``missions`` is the number of different missions, which the rows share in turn: ``num_envs`` if not given. With a
 ``target`` they share one cost-to-go, and are built in a fraction of the time.
 
-A copy, by ``pickle`` or ``copy.deepcopy``, is built anew from the arguments. Its next episodes are those that come next
+A copy, by ``pickle`` or ``copy.deepcopy``, is rebuilt from the arguments. Its next episodes are those that come next
 here; it has no present ones until ``reset``.
 
 Supported are readings of the full state at every control step, with noise and gusts. Other estimators, lost
@@ -87,7 +87,7 @@ _SINGLE = ("estimator", "covariance", "render_mode", "width", "height")  # argum
 _NAMES = np.array([str(_OUTCOMES.get(state, "")) for state in range(6)], dtype=object)
 
 
-class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
+class SafeFlightVectorEnv(VectorEnv[Observation, Array, NDArray[Any]]):
     """Vector environment for learning of missions of ``safe-flight``, one row each."""
 
     metadata: dict[str, Any] = {  # noqa: RUF012  as Gymnasium declares it
@@ -169,7 +169,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         self.__init__(**state["arguments"])  # type: ignore[misc]
         self._seeders, self.spec = state["seeders"], state["spec"]
 
-    @property
+    @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """Generators of the episodes' seeds, one for each row, as of a ``SyncVectorEnv``."""
         return tuple(rng for rng, _ in self._seeders)
@@ -204,7 +204,7 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
         info = self._info(np.full(self.num_envs, FLYING), [()] * self.num_envs, rows)
         return self._observation(), {**info, "seed": seeds, "_seed": rows.copy()}
 
-    def step(self, actions: Array) -> tuple[Observation, Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Array) -> tuple[Observation, Array, Mask, Mask, dict[str, Any]]:
         """Hold an action (num_envs, 3) in every row but those whose next episode begins, by ``NEXT_STEP``.
 
         Raises ValueError for another shape, for values that are not finite, before ``reset``, and by ``DISABLED``
@@ -348,12 +348,14 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, Array]):
 
     def _info(self, states: Integers, events: list[tuple[str, ...]], rows: Mask) -> dict[str, Any]:
         """Return ``info`` of some rows, and which they are, as Gymnasium stacks it."""
+        outcomes = _NAMES[states]
+        outcomes[~rows] = None
         happened = np.empty(self.num_envs, dtype=object)  # of None
         for i in np.flatnonzero(rows).tolist():
             happened[i] = events[i]
         clearance = self._x[:, 2] - self._ground.height(self._x[:, 0], self._x[:, 1])
         return {
-            "outcome": np.where(rows, _NAMES[states], None), "_outcome": rows.copy(),
+            "outcome": outcomes, "_outcome": rows.copy(),
             "events": happened, "_events": rows.copy(),
             "clearance": np.where(rows, clearance, 0.0), "_clearance": rows.copy(),
         }  # fmt: skip

@@ -181,10 +181,11 @@ def test_a_mission_that_fails_exits_with_1_and_is_written(mission: Words, tmp_pa
 
 
 def test_a_new_run_takes_the_old_pictures_with_it(mission: Words, tmp_path: Path) -> None:
-    for name in ("video.mp4", "report.html", "top.png", "top.webp", "notes.txt", "config.json"):
+    drawn = {"video.mp4", "video.gif", "report.html", "top.png", "top.webp", "top.webm"}
+    for name in (*drawn, "notes.txt", "config.json"):
         (tmp_path / name).write_text("of an earlier run")
     assert main(["run", *mission, "--out", str(tmp_path)]) == 0
-    assert not {"video.mp4", "report.html", "top.png", "top.webp"} & {path.name for path in tmp_path.iterdir()}
+    assert not drawn & {path.name for path in tmp_path.iterdir()}
     assert (tmp_path / "notes.txt").read_text() == "of an earlier run"
 
 

@@ -1,8 +1,9 @@
 """Report of a run on one page: ``report.html``, which is self-contained and needs no network; the skeleton of such a
 page.
 
-Every report has a headline, figures of merit, summary, figures, events and configuration; a drawing fills them
-(``run_page``). It contains pictures of the scene if OpenGL is available, else one line that says why not.
+Every report has a headline, figures of merit, summary, wall-clock times of the components, figures, events and
+configuration; a drawing fills them (``run_page``). It contains pictures of the scene if OpenGL is available, else one
+line that says why not.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from mathnavi.renders.video import write_still
 from mathnavi.sim.plugin.trust import uninstalled
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
+from mathnavi.sim.records.timing import TIMING_COLUMNS, read_timing, slow_components, timing_rows
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
 
@@ -88,6 +90,7 @@ def run_page(
         page.tiles(headline.tiles),
         *opening,
         page.section("Summary", summary_cards(run.summary)),
+        *timing_section(run.directory),
         *closing,
         page.section("Events", events_card(run.events, by_vehicle=by_vehicle)),
         page.section("Do it again", *again(run.directory, run.config)),
@@ -132,6 +135,15 @@ def summary_cards(summary: Mapping[str, Any]) -> Markup:
             if keys
         }
     )
+
+
+def timing_section(directory: Path) -> tuple[Markup, ...]:
+    """How long the answers of the run's components took, and which were slower than real time; nothing if unknown."""
+    timing = read_timing(directory)
+    if timing is None or not (rows := timing_rows(timing)):
+        return ()
+    slow = (page.paragraph(f"{component}: {words}.") for component, words in slow_components(timing).items())
+    return (page.section("Wall time", *slow, page.card(page.table(("answers of", *TIMING_COLUMNS[1:]), rows))),)
 
 
 def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:

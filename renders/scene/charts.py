@@ -13,6 +13,7 @@ from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colo
 from mathnavi.renders.scene.elements import Chart, Series
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
+from mathnavi.sim.records.timing import read_timing, slow_components
 
 MOST_POINTS = 1200  # of a curve
 MOST_CHARTS = 8  # of a kind: of more states or inputs the first ones
@@ -112,8 +113,10 @@ def events_of(run: GenericRun) -> Sequence[tuple[float, str]]:
 
 
 def facts_of(run: GenericRun) -> Sequence[tuple[str, str]]:
-    """The first figures of the summary, with units."""
+    """The first figures of the summary, with units, and the components that were slower than real time."""
     from mathnavi.renders.page import quantity
 
     numbers = [(key, value) for key, value in run.summary.items() if isinstance(value, bool | int | float)]
-    return [(label(key)[0], quantity(key, value)) for key, value in numbers if key != "version"][:MOST_FACTS]
+    facts = [(label(key)[0], quantity(key, value)) for key, value in numbers if key != "version"][:MOST_FACTS]
+    timing = read_timing(run.directory)
+    return facts if timing is None else [*facts, *slow_components(timing).items()]

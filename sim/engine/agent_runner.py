@@ -2,7 +2,10 @@
 
 A vehicle that flies among others has a coordinator, which exchanges messages with theirs over the network. A plan of
 such a vehicle is proposed as soon as it is available, and takes over only if the coordinator admits it at its start;
-otherwise the previous plan, which leads to rest, stays.
+otherwise the previous plan, which leads to rest, stays. Where plans take simulated time (``answer_times.Latency``), it
+is proposed at the first exchange at which it is available.
+
+Each answer of a component is timed by the clock on the wall, for ``AgentRecorder.answer_times``.
 
 Detection of a sensor that an estimator requires and whose readings it never uses, by a misspelt name for example.
 """
@@ -14,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,6 +35,15 @@ from mathnavi.interfaces.signals import (
     where_raised,
 )
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.answer_times import (
+    COORDINATOR,
+    ESTIMATOR,
+    MONITOR,
+    PLANNER,
+    TRACKER,
+    AnswerTimes,
+    Latency,
+)
 from mathnavi.sim.engine.log import AgentRecorder
 from mathnavi.sim.engine.network import Network
 
@@ -121,10 +134,12 @@ class AgentRunner:
     network: Network
     record: AgentRecorder
     command: Array
+    latency: Latency | None = None  # simulated time that plans take; None: none
     inbox: list[Measurement] = field(default_factory=list)
     undelivered: list[Message] = field(default_factory=list)
     delivered: list[Message] = field(default_factory=list)
     pending: list[Plan] = field(default_factory=list)
+    unproposed: Plan | None = None  # the newest of these, until it is available
     estimate: Estimate | None = None
     plan: Plan | None = None
     usable: bool = True  # the tracker's last command
@@ -133,6 +148,11 @@ class AgentRunner:
     monitor: Callable[[PlanRequest], Plan | None] | None = field(init=False)  # the planner's, if it has one
     estimator_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)  # likewise
     tracker_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)
+    estimated: Callable[[float], None] = field(init=False)  # notes the time [s] of an answer of the estimator
+    planned: Callable[[float], None] = field(init=False)  # of the planner
+    monitored: Callable[[float], None] = field(init=False)  # of its monitor
+    tracked: Callable[[float], None] = field(init=False)  # of the tracker
+    coordinated: Callable[[float], None] = field(init=False)  # of the coordinator
 
     def __post_init__(self) -> None:
         agent = self.agent
@@ -140,6 +160,16 @@ class AgentRunner:
         self.monitor = getattr(agent.planner, "monitor", None)
         self.estimator_events = getattr(agent.estimator, "events", None)
         self.tracker_events = getattr(agent.tracker, "events", None)
+        self.estimated = self._timed(ESTIMATOR, agent.estimator.period)
+        self.planned = self._timed(PLANNER, agent.planner.period)
+        self.monitored = self._timed(MONITOR, agent.estimator.period)
+        self.tracked = self._timed(TRACKER, agent.tracker.period)
+        self.coordinated = self._timed(COORDINATOR, math.inf if agent.coordinator is None else agent.coordinator.period)
+
+    def _timed(self, component: str, period: float) -> Callable[[float], None]:
+        """Begin the record of a component's times; return the function that appends one."""
+        times = self.record.answer_times[component] = AnswerTimes(period)
+        return times.seconds.append
 
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track if they are due at tick k, t [s]; ``row`` is that of the log."""
@@ -178,7 +208,11 @@ class AgentRunner:
     def _estimate(self, t: float) -> None:
         """Update the estimate; an answer that cannot be used leaves the last one, marked as lost."""
         try:
-            estimate = self.agent.estimator.update(t, self.inbox, self.command)
+            began = perf_counter()
+            try:
+                estimate = self.agent.estimator.update(t, self.inbox, self.command)
+            finally:
+                self.estimated(perf_counter() - began)
             complaint = _unusable(estimate, self.estimate)
         except (Exception, SystemExit) as error:
             complaint = f"{type(error).__name__}: {error}{where_raised(error)}"
@@ -203,14 +237,19 @@ class AgentRunner:
         """Return the coordinator's answer; ``otherwise`` without a coordinator, and if it raises, which is recorded."""
         if self.agent.coordinator is None:
             return otherwise
+        began = perf_counter()
         try:
             return call(self.agent.coordinator)
         except (Exception, SystemExit) as error:
             self.record.event(t, "coordinator-raised", f"{type(error).__name__}: {error}{where_raised(error)}")
             return otherwise
+        finally:
+            self.coordinated(perf_counter() - began)
 
     def _exchange(self, t: float) -> None:
         """Pass received messages to the coordinator and send its answers; one that raises sends nothing."""
+        if self.unproposed is not None and self.unproposed.ready <= t + TIME_TOLERANCE:
+            self._propose(t, self.unproposed)
         received = self.network.receive(self.name, t)
         outbox = self._of_coordinator(t, lambda coordinator: coordinator.exchange(t, received), Outbox())
         self.network.send(outbox.messages, t)
@@ -235,38 +274,65 @@ class AgentRunner:
         if self.monitor is None or self.plan is None or not (news or k % self.estimator_ticks == 0):
             return
         request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)) if news else ())
+        began = perf_counter()
         try:
             plan = self.monitor(request)
         except (Exception, SystemExit) as error:
             plan = Plan.raised(error)
+        self.monitored(perf_counter() - began)
         if plan is None:
             return
         self.record.asked(plan)
         if plan.ok:
             self.pending = [plan]  # the next plan starts on the plan that is given up
-            self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
+            self._propose(t, plan)
             self._adopt(t)
         else:
             self._refused(t, plan, plan.status, plan.message)
 
     def _ask(self, t: float, estimate: Estimate) -> None:
+        self.unproposed = None  # its start has come
         self._deliver(t)
         t_start = t + self.agent.planner.period if self.plan is not None else t
         request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
+        began = perf_counter()
         try:
             plan = self.agent.planner.plan(request)
             if not isinstance(plan, Plan):
                 raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
         except (Exception, SystemExit) as error:  # a recorded failure, not the end of the flight
             plan = Plan.raised(error)
+        seconds = perf_counter() - began
+        self.planned(seconds)
+        if self.latency is not None:
+            plan = self._delayed(t, plan, seconds, self.latency)
         self.delivered = []
         self.record.asked(plan)
         if plan.ok:
             self.pending.append(plan)
-            if self.plan is not None:
-                self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
+            if self.latency is not None and plan.ready > t + TIME_TOLERANCE:
+                self.unproposed = plan
+            elif self.plan is not None:
+                self._propose(t, plan)
         else:
             self._refused(t, plan, plan.status, plan.message)
+
+    def _delayed(self, t: float, plan: Plan, seconds: float, latency: Latency) -> Plan:
+        """Return the answer to a request at t [s] that took ``seconds``, as it is available in simulated time.
+
+        A plan that starts now is not delayed, for there is none to fly until it comes: the first plan of a vehicle, and
+        one from its estimate after it has left the plan being flown.
+        """
+        delay = latency.delay(self.name, len(self.record.delays), t, seconds)
+        self.record.delays.append(delay)
+        if not plan.ok or plan.t_start <= t + TIME_TOLERANCE:
+            return plan
+        return replace(plan, ready=max(plan.ready, t + delay))
+
+    def _propose(self, t: float, plan: Plan) -> None:
+        """Have the coordinator propose a plan, in place of any other that it has not proposed yet."""
+        self.unproposed = None
+        self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
 
     def _adopt(self, t: float) -> None:
         waiting: list[Plan] = []
@@ -306,7 +372,12 @@ class AgentRunner:
 
     def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
         try:
-            command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
+            began = perf_counter()
+            try:
+                answer = self.agent.tracker.command(t, estimate, plan)
+            finally:
+                self.tracked(perf_counter() - began)
+            command = np.asarray(answer, dtype=float)
             # The square of a command is finite if the command is, short of a length of 1e154.
             usable = command.shape == self.command.shape and math.isfinite(command.dot(command))
             complaint = "" if usable else f"{command!r}"

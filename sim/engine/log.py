@@ -4,7 +4,7 @@ Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m
 ``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``,
 and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, if the metrics define any. A single
 vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are not in the arrays,
-so that the same seed gives the same log bit for bit.
+so that the same seed gives the same log bit for bit; the times of answers, and delays made of them, are kept beside.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status
+from mathnavi.sim.engine.answer_times import AnswerTimes
 
 
 @dataclass
@@ -32,6 +33,8 @@ class AgentRecorder:
     requests: int = 0
     answers: int = 0  # those that are answered by the planner's own plans
     solve_ms: list[float] = field(default_factory=list)
+    answer_times: dict[str, AnswerTimes] = field(default_factory=dict)  # by component
+    delays: list[float] = field(default_factory=list)  # [s] of each request, if plans take simulated time
 
     def event(self, t: float, kind: str, message: str = "") -> None:
         self.events.append(Event(t, self.name, kind, message))

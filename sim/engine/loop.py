@@ -24,6 +24,7 @@ from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.agent_runner import Agent, AgentRunner
+from mathnavi.sim.engine.answer_times import Latency
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import IdealNetwork, Network
 
@@ -66,9 +67,15 @@ class Loop:
     """
 
     def __init__(
-        self, plant: Plant, agents: Mapping[str, Agent], duration: float, network: Network | None = None
+        self,
+        plant: Plant,
+        agents: Mapping[str, Agent],
+        duration: float,
+        network: Network | None = None,
+        latency: Latency | None = None,
     ) -> None:
-        """Begin at the plant's present time, for ``duration`` [s]. ``network`` carries the coordinators' messages.
+        """Begin at the plant's present time, for ``duration`` [s]. ``network`` carries the coordinators' messages;
+        ``latency`` is the simulated time that plans take, none if not given.
 
         Raises ValueError if an agent has no vehicle, a period is not a whole number of ticks, or an estimator is slower
         than the components that use it.
@@ -92,6 +99,7 @@ class Loop:
                 carrier,
                 self.recording.agents[name],
                 np.zeros(agent.input_size),
+                latency,
                 undelivered=sorted(agent.messages, key=lambda message: message.t),
             )
             for name, agent in agents.items()
@@ -147,17 +155,19 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     network: Network | None = None,
     watch: Callable[[Loop], None] | None = None,
+    latency: Latency | None = None,
 ) -> Recording:
     """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
 
     ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
     called with the simulated time once every simulated second, ``watch`` with the loop after every control step.
-    ``network`` carries the coordinators' messages, at once if none is given.
+    ``network`` carries the coordinators' messages, at once if none is given. ``latency`` is the simulated time that
+    plans take, none if not given.
 
     Raises ValueError if an agent has no vehicle, a period is not a whole number of ticks, or an estimator is slower
-    than the components that use it.
+    than the components that use it, and as ``Latency.delay`` does.
     """
-    loop = Loop(plant, agents, duration, network)
+    loop = Loop(plant, agents, duration, network, latency)
     reported = -math.inf  # [s]
     while True:
         loop.control_step()

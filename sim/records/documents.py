@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import Any
+from typing import Any, Literal
 
 from mathnavi.interfaces.bounds import Seed, configuration
 from mathnavi.interfaces.schema import ROOT, validated
@@ -49,6 +49,7 @@ class RunDocument:
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] | None = None
     inputs: dict[str, str] | None = None  # digests of the files that were read, by the names of the fields
+    latency: Literal["measured"] | None = None  # None: plans took no simulated time
 
 
 @configuration

@@ -8,6 +8,8 @@
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
 | ``log.json`` | shape and type of each array; names and units of each vehicle's states |
 | ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), for a run whose scenario names no drawing |
+| ``timing.json`` | wall-clock times of the components' answers (``mathnavi.sim.records.timing``) |
+| ``delays.json`` | simulated times that plans took, for a run in which they took any |
 
 All code that needs a recorded run reads it here: ``read_log`` for a single vehicle, ``read_fleet`` for several.
 """
@@ -16,7 +18,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -36,11 +38,13 @@ from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
 from mathnavi.sim.records.files import jsonable, npz_bytes, write_json
 from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
+from mathnavi.sim.records.timing import DELAYS, LATENCY, TIMING, Timing
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
 SCENE = "scene.npz"
 RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
-RECORDED = (*RUN_FILES, SCENE)  # all files that a run may write
+SOMETIMES = (SCENE, TIMING, DELAYS)  # files that not every run writes
+RECORDED = (*RUN_FILES, *SOMETIMES)  # all files that a run may write
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
@@ -58,14 +62,16 @@ def write_run(
     summary: Mapping[str, Any],
     recording: Recording,
     scene: Mapping[str, Array] | None = None,
+    timing: Timing | None = None,
 ) -> None:
     """Write a run's folder, whole or not at all; other files in it are kept.
 
-    ``scene`` are the arrays of ``mathnavi.sim.engine.scene_record``, for a run that is drawn from them. Raises
-    RunFolderError and OSError as ``claimed_folder.claimed`` does; OSError names the file.
+    ``scene`` are the arrays of ``mathnavi.sim.engine.scene_record``, for a run that is drawn from them; ``timing`` is
+    how long the answers of its components took. Raises RunFolderError and OSError as ``claimed_folder.claimed`` does;
+    OSError names the file.
     """
     with claimed(folder) as claim:
-        write_run_files(claim.new, config, summary, recording, scene)
+        write_run_files(claim.new, config, summary, recording, scene, timing)
         claim.install(dropped=RECORDED)
 
 
@@ -75,12 +81,17 @@ def write_run_files(
     summary: Mapping[str, Any],
     recording: Recording,
     scene: Mapping[str, Array] | None = None,
+    timing: Timing | None = None,
 ) -> None:
     """Write the files of a run into an existing folder; OSError names the one that could not be written."""
     arrays = recording.arrays()
     write_bytes(folder / ARRAYS, npz_bytes(arrays))
     if scene is not None:
         write_bytes(folder / SCENE, npz_bytes(scene))
+    if timing is not None:
+        write_json(folder / TIMING, asdict(timing))
+    if LATENCY in config:
+        write_json(folder / DELAYS, {"delays_s": {name: agent.delays for name, agent in recording.agents.items()}})
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from mathnavi.interfaces.reading.files import MOST_LINES, read_bytes
 from mathnavi.interfaces.signals import Array, Event
 from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.answer_times import COMPONENTS, Latency
 from mathnavi.sim.engine.compilation import compilation_timed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate
@@ -24,6 +25,7 @@ from mathnavi.sim.metrics.planning import planner_status
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
+from mathnavi.sim.records.timing import LATENCY, PlansTake, Timing
 from mathnavi.sim.scenarios.task import Task
 
 REHEARSED = 3  # planning periods, in which most kernels of a run are called
@@ -48,6 +50,7 @@ class RunData:
     success: bool
     folder: Path | None = None  # folder that it was read from or saved in
     scene: Callable[[], dict[str, Array] | None] | None = None  # makes the arrays of its scene, if it is drawn by them
+    timing: Timing | None = None  # wall-clock times of its components' answers, which no other run repeats
 
     @cached_property
     def arrays(self) -> dict[str, Array]:
@@ -76,11 +79,11 @@ class RunData:
 
     def write(self, folder: Path) -> None:
         """Write the run's folder, whole or not at all."""
-        write_run(folder, self.config, self.summary, self.recording, self.scene_arrays())
+        write_run(folder, self.config, self.summary, self.recording, self.scene_arrays(), self.timing)
 
     def write_files(self, folder: Path) -> None:
         """Write the files of the run into an existing folder."""
-        write_run_files(folder, self.config, self.summary, self.recording, self.scene_arrays())
+        write_run_files(folder, self.config, self.summary, self.recording, self.scene_arrays(), self.timing)
 
     def save(self, folder: str | Path) -> Path:
         """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
@@ -117,19 +120,21 @@ class ClosedLoop:
     config: dict[str, Any]  # content of config.json without the versions
     network: Network | None = None  # of a fleet
     task: Task | None = None  # for commands from outside; None if only the controller can command the actuators
+    timed: Collection[str] = COMPONENTS  # components whose answers are computed in the run
 
     def run(
         self,
         progress: Callable[[float], None] | None = None,
         again: Callable[[], ClosedLoop] | None = None,
         watch: Callable[[Loop], None] | None = None,
+        latency: Latency | None = None,
     ) -> RunData:
         """Simulate and evaluate the run; ``progress`` is called with the simulated time [s], ``watch`` with the loop
-        after every step.
+        after every step. ``latency`` is the simulated time that plans take, none if not given.
 
         ``again`` builds the same closed loop once more. With it, a run in whose first planning periods kernels were
         compiled is a rehearsal: it ends there, and the run is flown from a fresh closed loop. Time spent compiling
-        later is left out of the wall-clock time.
+        later is left out of the wall-clock time. Raises as ``simulate`` does.
         """
         rehearsed = REHEARSED * max((agent.planner.period for agent in self.agents.values()), default=0.0)
         rehearsing = again is not None
@@ -144,13 +149,16 @@ class ClosedLoop:
                 return self.finished(t, truths)
 
             began = time.perf_counter()
-            recording = simulate(self.plant, self.agents, self.duration, over, progress, self.network, watch)
+            recording = simulate(self.plant, self.agents, self.duration, over, progress, self.network, watch, latency)
             wall_seconds = time.perf_counter() - began - compilation.seconds
         if again is not None and rehearsing and compilation.seconds > 0.0:
-            return again().run(progress, watch=watch)
+            return again().run(progress, watch=watch, latency=latency)
         summary, success = self.summarise(recording, wall_seconds)
         if status := planner_status(recording):
             summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config
         scene = None if drawn else partial(_scene, self.plant, recording)
-        return RunData(recording, summary, self.config, success, scene=scene)
+        plans_take: PlansTake = "no time" if latency is None else "measured" if latency.recorded is None else "recorded"
+        config = self.config if latency is None else {**self.config, LATENCY: "measured"}
+        timing = Timing.of(recording, self.timed, plans_take) if self.timed else None
+        return RunData(recording, summary, config, success, scene=scene, timing=timing)

@@ -13,6 +13,7 @@ from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.fields import plain
 from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.answer_times import ESTIMATOR
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.plugin.registry import PluginSpec
@@ -74,6 +75,7 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
         lambda t, truths: False,
         summarise,
         closed_loop.config | made,
+        timed=() if isinstance(agent.estimator, RecordedSmoother) else (ESTIMATOR,),
     )
 
 

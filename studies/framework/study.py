@@ -196,12 +196,14 @@ def logged_run(document: Mapping[str, Any], content: str) -> RunData:
     """
     outcome = recorded_trial(document, content).flown()
     agents = {
-        name: replace(agent, solve_ms=[], plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans])
+        name: replace(
+            agent, solve_ms=[], answer_times={}, plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans]
+        )
         for name, agent in outcome.recording.agents.items()
     }
     summary = {name: value for name, value in outcome.summary.items() if not is_wall_clock(name)}
     recording = replace(outcome.recording, agents=agents)
-    return replace(outcome, recording=recording, summary=summary, scene=None)
+    return replace(outcome, recording=recording, summary=summary, scene=None, timing=None)
 
 
 def _last_line(error: str | None) -> str:

@@ -30,6 +30,7 @@ _HELP_COLUMN = 27  # where the help of a flag begins
 _LONGEST_NAME = 45  # of the values of a flag: longer lists of choices stand in its help
 _LIKE_A_FLAG = re.compile(r"(?!-(inf|infinity|nan)$)-+[^\W\d_]", re.IGNORECASE)
 _HYPHEN = "\ue000"  # in place of "-" while a help is laid out, for no line is to be broken there
+_LATENCY = "--latency"  # of `mathnavi run` alone
 _FLAGS_ALLOWED = "allowed: flags, each followed by its values"
 
 
@@ -315,6 +316,10 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
 
 def suggestion(name: str, known: Sequence[str], prog: str) -> str:
     """Return a hint for an unknown flag: the flags that it may be a misspelling of, or those that are allowed."""
+    if name == _LATENCY:
+        return (
+            "allowed: only with `mathnavi run`, which records what it has measured; a trial is the same on any machine"
+        )
     if not name.startswith("--no-"):
         known = [flag for flag in known if flag not in {negation(other) for other in known}]
     # A field may be named without its group, which is no misspelling: --nodes means --planner.nodes.

@@ -26,7 +26,7 @@ from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import note_environment
 from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.commands.run import build, fly
-from mathnavi.commands.summary import verdict
+from mathnavi.commands.summary import print_timing, verdict
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.estimators.stagewise.recorded_smoother import Smoothing
 from mathnavi.interfaces.bounds import configuration
@@ -34,7 +34,7 @@ from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import RunLog, read_log
+from mathnavi.sim.records.run_folder import SOMETIMES, RunLog, read_log
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.played_back import SMOOTHER, played_back
@@ -87,10 +87,11 @@ def main(argv: Sequence[str]) -> int:
         with line.failures("a run"):
             result = fly(playback, progress, lambda: _playback(line, recorded, log, estimator))
         result.write_files(claim.new)
-        claim.install()
+        claim.install(dropped=SOMETIMES)
     console = Console(markup=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'estimator')}", style="bold", highlight=False)
     console.print(_comparison(line.spec, estimator, recorded.spec, log, result))
+    print_timing(console, result.timing)
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
     return 0 if result.success else 1
 

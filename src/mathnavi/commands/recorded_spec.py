@@ -13,6 +13,7 @@ from mathnavi.sim.plugin.trust import check_place, recorded_places, within_recor
 from mathnavi.sim.records.documents import RunDocument
 from mathnavi.sim.records.run_folder import CONFIG, read_run_document
 from mathnavi.sim.records.run_spec import RunSpec
+from mathnavi.sim.records.timing import LatencyName
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class RecordedSpec:
     spec: RunSpec
     inputs: dict[str, str]  # digests of the files that were read, by the names of the fields
     environment: dict[str, str]  # versions and processor; empty where an earlier version did not record all of it
+    latency: LatencyName | None  # simulated time that its plans took; None: none
     places: dict[str, str]  # "package.module:Class" in any field, with this file, unless the folder is trusted
 
     @staticmethod
@@ -55,7 +57,7 @@ class RecordedSpec:
             raise
         except ValueError as error:
             raise BadInputError(f"{path}: {error}") from None
-        return RecordedSpec(path, spec, _inputs(document), _environment(document), places)
+        return RecordedSpec(path, spec, _inputs(document), _environment(document), document.latency, places)
 
 
 def _inputs(document: RunDocument) -> dict[str, str]:

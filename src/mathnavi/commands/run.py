@@ -20,16 +20,18 @@ from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import changed_inputs, note_environment
 from mathnavi.commands.recorded_spec import RecordedSpec
 from mathnavi.commands.served_address import Port, address_of, check_address
-from mathnavi.commands.summary import summary_table, verdict
+from mathnavi.commands.summary import print_timing, summary_table, verdict
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.models.opengl import NoOpenGLError
 from mathnavi.renders.heartbeat import lines_of_progress
+from mathnavi.sim.engine.answer_times import Latency
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
-from mathnavi.sim.records.run_folder import SCENE, NothingToDrawError
+from mathnavi.sim.records.run_folder import SOMETIMES, NothingToDrawError
+from mathnavi.sim.records.timing import LatencyName, read_delays
 
 if TYPE_CHECKING:
     from mathnavi.commands.run_web import FollowedRun
@@ -54,6 +56,9 @@ class RunOptions:
     """whether to write report.html"""
     from_: Path | None = None
     """folder of a run whose config.json is run again; other flags take precedence over it"""
+    latency: LatencyName | None = None
+    """simulated time that plans take: none, or measured, as long as the answers of the planner take on this machine;
+    if not given, that recorded in the folder of --from, else none"""
     web: bool = False
     """whether to show the run in a browser while it is simulated, with sliders for what may change; prints the URL"""
     host: str | None = None
@@ -79,19 +84,41 @@ def main(argv: Sequence[str]) -> int:
     with trusting("--trust" in given(argv)):
         recorded = RecordedSpec.read(Path(source), argv) if source is not None else None
     line = read_command_line("run", argv, RunOptions, recorded)
+    latency = _latency(line.options, recorded)
     folder = line.options.out or Path("renders/out") / f"{line.spec.scenario.replace(':', '.')}-seed{line.spec.seed}"
     _check_spared(folder, Path(source) if source is not None else None, line.files)
     errors = Console(stderr=True, markup=False)
     with ExitStack() as served:
         follow = served.enter_context(_followed(line)) if line.options.web else None
-        code = _run(line, recorded, folder, follow, errors)
+        code = _run(line, recorded, latency, folder, follow, errors)
         if follow is not None:
             follow.show_ended(folder)
     return code
 
 
+def _latency(options: RunOptions, recorded: RecordedSpec | None) -> Latency | None:
+    """Return the simulated time that plans take; BadInputError if it is not known, or not possible."""
+    chosen = options.latency or (recorded.latency if recorded else None)
+    if chosen is None or chosen == "none":
+        return None
+    if options.web:
+        raise BadInputError(
+            f"--latency = {chosen}: with --web a run begins again after every change, and would not repeat what was "
+            "measured; allowed: --latency none"
+        )
+    if options.latency is not None or recorded is None:
+        return Latency()
+    with bad_input():
+        return Latency(read_delays(recorded.path.parent))
+
+
 def _run(
-    line: CommandLine, recorded: RecordedSpec | None, folder: Path, follow: FollowedRun | None, errors: Console
+    line: CommandLine,
+    recorded: RecordedSpec | None,
+    latency: Latency | None,
+    folder: Path,
+    follow: FollowedRun | None,
+    errors: Console,
 ) -> int:
     """Fly, write the folder and draw; return the exit code of the command."""
     with run_folder(folder) as claim:
@@ -102,13 +129,13 @@ def _run(
                 note_environment(errors, recorded)
             with line.failures("a run"):
                 if follow is None:
-                    result = fly(closed_loop, progress, lambda: build(line, recorded))
+                    result = fly(closed_loop, progress, lambda: build(line, recorded), latency=latency)
                 else:
                     result = follow.fly(closed_loop, lambda loop, watch: fly(loop, progress, watch=watch))
         replaced = line.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
         removed = _stale(folder, claim.new)
-        claim.install(dropped=(*removed, SCENE))
+        claim.install(dropped=(*removed, *SOMETIMES))
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
         if replaced:  # perhaps unintended: the user did not name the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""
@@ -116,6 +143,7 @@ def _run(
         console = Console(markup=False)
         console.print(f"{line.spec.scenario}, seed {line.spec.seed}: {verdict(result)}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
+        print_timing(console, result.timing)
         with trusting():
             whole = _draw(line.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
@@ -158,9 +186,10 @@ def fly(
     progress: Callable[[float, float], None],
     again: Callable[[], ClosedLoop] | None = None,
     watch: Callable[[Loop], None] | None = None,
+    latency: Latency | None = None,
 ) -> RunData:
     """Run with a bar over the simulated time; ``again`` builds the closed loop once more if necessary, and ``watch`` is
-    called with the loop after every step.
+    called with the loop after every step. ``latency`` is the simulated time that plans take.
     """
     flying = False
 
@@ -170,7 +199,10 @@ def fly(
         progress(t, closed_loop.duration)
 
     try:
-        return closed_loop.run(update, again, watch)
+        return closed_loop.run(update, again, watch, latency)
+    except RunFolderError as error:
+        allowed = "a run that makes the recorded requests, or --latency measured, or --latency none"
+        raise BadInputError(f"--from: {error}; allowed: {allowed}") from error
     except ValueError as error:
         if flying:
             raise  # the loop checks its rates before it starts; whatever comes later is a defect

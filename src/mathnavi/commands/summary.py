@@ -1,16 +1,18 @@
-"""Result of a run for the terminal: the verdict, and the summary as a table."""
+"""Result of a run for the terminal: the verdict, the summary as a table, and how long its components' answers took."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from mathnavi.interfaces.short_tables import value_text
 from mathnavi.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.timing import TIMING_COLUMNS, Timing, slow_components, timing_rows
 
 if TYPE_CHECKING:
     from mathnavi.sim.scenarios.closed_loop import RunData
@@ -55,6 +57,22 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
         table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(_first(same), overflow="fold"))
         heading = ""
     return table
+
+
+def print_timing(console: Console, timing: Timing | None) -> None:
+    """Print how long the answers of a run's components took, and which were slower than real time."""
+    if timing is None or not (rows := timing_rows(timing)):
+        return
+    heading, *columns = TIMING_COLUMNS
+    table = Table(box=None, pad_edge=False, header_style="dim")
+    table.add_column(heading)
+    for column in columns:
+        table.add_column(column, justify="right")
+    for row in rows:
+        table.add_row(*map(Text, row))
+    console.print(table)
+    for component, words in slow_components(timing).items():
+        console.print(f"{component}: {words}", style="bold", highlight=False, soft_wrap=True)
 
 
 def _first(events: Sequence[Event]) -> str:

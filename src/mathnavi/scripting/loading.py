@@ -15,6 +15,7 @@ from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.records.figure_names import SHORTFALL
 from mathnavi.sim.records.log_arrays import CRAMER_RAO
 from mathnavi.sim.records.run_folder import read_arrays, read_record, read_state_names
+from mathnavi.sim.records.timing import read_timing
 
 _TRUTH = "truth.x"
 _OF_ESTIMATES, _OF_READINGS = "estimate.", "measurement."
@@ -32,9 +33,11 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
         arrays = read_arrays(folder)
         states = read_state_names(folder)
         recording = _recording(arrays, list(events), states, summary)
+        timing = read_timing(Path(folder))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
-    return RunResult(recording, summary, config, SHORTFALL not in summary, Path(folder), trusted=trust)
+    success = SHORTFALL not in summary
+    return RunResult(recording, summary, config, success, Path(folder), timing=timing, trusted=trust)
 
 
 def _recording(

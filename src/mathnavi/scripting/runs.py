@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from mathnavi.interfaces.short_tables import Row, counted, html_table, short_tab
 from mathnavi.interfaces.signals import Array
 from mathnavi.scripting.requests import specified
 from mathnavi.scripting.run_result import RunResult
+from mathnavi.sim.engine.answer_times import Latency
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.registry import load as load_plugin
 from mathnavi.sim.plugin.registry import names
@@ -27,6 +28,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.run_spec import Plugin, RunSpec
 from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.records.timing import LatencyName
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial, Uniform
@@ -44,6 +46,7 @@ def run(
     seed: int = 0,
     controller: Plugin = None,
     estimator: Plugin = None,
+    latency: LatencyName = "none",
     progress: Callable[[float], None] | None = None,
     **fields: Any,
 ) -> RunResult:
@@ -51,11 +54,15 @@ def run(
 
     ``controller`` and ``estimator`` are plug-ins (``plugin``), their names or their classes; the scenario's own if not
     given. ``fields`` are the scenario's, nested ones as mappings, ``noise={"position": 5.0}``, or by dotted names.
-    ``progress`` is called with the simulated time [s].
+    With the ``latency`` "measured" a plan takes as much simulated time as the planner's answer took on this machine;
+    the folder in which the run is saved has these times, and ``mathnavi run --from`` repeats them. ``progress`` is
+    called with the simulated time [s].
 
     Raises PluginError for an unknown scenario or plug-in, FieldError for a field or a value that is not allowed,
     MissionError for a mission that cannot be flown, FileNotFoundError for a missing file.
     """
+    if latency not in get_args(LatencyName):
+        raise FieldError(f"latency = {latency!r}; allowed: {', '.join(get_args(LatencyName))}")
     spec = specified(scenario, seed, controller, estimator, fields)
 
     def build() -> ClosedLoop:
@@ -65,7 +72,7 @@ def run(
 
     compile_ahead(*spec.parts.values())
     with spec.failures("a run"):
-        return RunResult.of(build().run(progress, build))
+        return RunResult.of(build().run(progress, build, latency=Latency() if latency == "measured" else None))
 
 
 def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:

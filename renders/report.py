@@ -27,7 +27,7 @@ from mathnavi.renders.video import write_still
 from mathnavi.sim.plugin.trust import uninstalled
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
-from mathnavi.sim.records.timing import TIMING_COLUMNS, read_timing, slow_components, timing_rows
+from mathnavi.sim.records.timing import read_timing, slow_components, timing_table
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
 
@@ -140,10 +140,10 @@ def summary_cards(summary: Mapping[str, Any]) -> Markup:
 def timing_section(directory: Path) -> tuple[Markup, ...]:
     """How long the answers of the run's components took, and which were slower than real time; nothing if unknown."""
     timing = read_timing(directory)
-    if timing is None or not (rows := timing_rows(timing)):
+    if timing is None:
         return ()
     slow = (page.paragraph(f"{component}: {words}.") for component, words in slow_components(timing).items())
-    return (page.section("Wall time", *slow, page.card(page.table(("answers of", *TIMING_COLUMNS[1:]), rows))),)
+    return (page.section("Wall time", *slow, page.card(page.table(*timing_table(timing)))),)
 
 
 def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:

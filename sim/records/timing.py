@@ -10,6 +10,7 @@ periods is flown again; what the first answer imports is.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -17,8 +18,8 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge
 
-from mathnavi.interfaces.bounds import FINITE, NonNegative, Positive, configuration
-from mathnavi.interfaces.errors import RunFolderError
+from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.interfaces.reading import files
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.sim.engine.answer_times import PLANNER, AnswerTimes
@@ -87,7 +88,13 @@ class Timing:
 class DelaysDocument:
     """Content of delays.json: the simulated time [s] that each answer of a planner took."""
 
-    delays_s: dict[str, tuple[Annotated[float, Ge(0.0), FINITE], ...]]  # by vehicle, one for each request
+    delays_s: dict[str, tuple[float, ...]]  # by vehicle, one for each request
+
+    def __post_init__(self) -> None:
+        for vehicle, delays in self.delays_s.items():
+            for number, delay in enumerate(delays):
+                if not 0.0 <= delay < math.inf:
+                    raise FieldError(f"delays_s.{vehicle}[{number}] = {delay!r}; allowed: a finite time >= 0")
 
 
 def read_timing(folder: Path) -> Timing | None:
@@ -108,28 +115,30 @@ def read_delays(folder: Path) -> Mapping[str, tuple[float, ...]]:
     return document.delays_s
 
 
-def timing_rows(timing: Timing) -> list[tuple[str, ...]]:
-    """Rows of a table: component, median, 99 %, worst, share of the period, answers that took longer.
+def timing_table(timing: Timing) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Headings and rows of a table, a row for each component.
 
-    Of the vehicles of a fleet the one with the largest share is shown, for each component.
+    Of the vehicles of a fleet the one whose component has the largest share is shown, by name.
     """
-    by_component: dict[str, tuple[str, AnswerFigures]] = {}
+    busiest: dict[str, tuple[str, AnswerFigures]] = {}
     for vehicle, components in timing.vehicles.items():
         for component, figures in components.items():
-            if component not in by_component or figures.period_share > by_component[component][1].period_share:
-                by_component[component] = vehicle, figures
-    return [
-        (
-            component if len(timing.vehicles) == 1 else f"{component} of {vehicle}",
-            *map(duration_text, (figures.median_s, figures.p99_s, figures.worst_s)),
-            f"{_digits(100.0 * figures.period_share)} % of {duration_text(figures.period_s)}",
-            f"{figures.longer} of {figures.answers}",
-        )
-        for component, (vehicle, figures) in by_component.items()
-    ]
-
-
-TIMING_COLUMNS = ("wall time of", "median", "99 %", "worst", "share of the period", "longer")
+            if component not in busiest or figures.period_share > busiest[component][1].period_share:
+                busiest[component] = vehicle, figures
+    fleet = len(timing.vehicles) > 1
+    return (
+        ("wall time of", *(("vehicle",) if fleet else ()), "median", "99 %", "worst", "period", "share", "longer"),
+        [
+            (
+                component,
+                *((vehicle,) if fleet else ()),
+                *map(duration_text, (figures.median_s, figures.p99_s, figures.worst_s, figures.period_s)),
+                f"{_digits(100.0 * figures.period_share)} %",
+                str(figures.longer),
+            )
+            for component, (vehicle, figures) in busiest.items()
+        ],
+    )
 
 
 def slow_components(timing: Timing) -> dict[str, str]:

@@ -63,6 +63,7 @@ def test_a_run_writes_its_whole_folder(flown: Path) -> None:
         "events.jsonl",
         "log.npz",
         "log.json",
+        "timing.json",
         "report.html",
     }
     summary = json.loads((flown / "summary.json").read_text())
@@ -105,7 +106,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
     """The closed loop that a command would fly, without flying it."""
     import mathnavi.commands.run
 
-    def without_flight(closed_loop: Any, *others: Any) -> RunData:
+    def without_flight(closed_loop: Any, *others: Any, **named: Any) -> RunData:
         raise FlightAskedForError(closed_loop.config)
 
     monkeypatch.setattr(mathnavi.commands.run, "fly", without_flight)

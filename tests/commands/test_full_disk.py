@@ -20,6 +20,7 @@ from mathnavi.renders import video
 from mathnavi.sim.records.claimed_folder import claimed, locked
 from mathnavi.sim.records.run_folder import RUN_FILES
 from mathnavi.sim.records.store import Store
+from mathnavi.sim.records.timing import TIMING
 from mathnavi.sim.sweep.execution import run_trials
 from tests.little_room import little_room
 from tests.sim.sweep.test_execution import coins
@@ -183,4 +184,4 @@ def test_a_folder_that_is_in_use_is_refused(tmp_path: Path, capsys: pytest.Captu
 def test_a_run_that_was_killed_is_no_bar(tmp_path: Path) -> None:
     (tmp_path / "log.json").write_text("half")
     assert main([*RUN, "--out", str(tmp_path)]) in (0, 1)
-    assert {path.name for path in tmp_path.iterdir()} == set(RUN_FILES)
+    assert {path.name for path in tmp_path.iterdir()} == {*RUN_FILES, TIMING}

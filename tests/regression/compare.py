@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from mathnavi.sim.records.timing import TIMING
+
 _NAMES = r"solve_ms\w*|wall_s|\w+_wall_s|wall_seconds|real_time_factor|versions?|code|key"
 TIMES = re.compile(rf"(^|[._ ])({_NAMES})($|[.\[])")
 
@@ -54,7 +56,8 @@ def main() -> int:
 
 def _files(folder: Path) -> set[str]:
     kept = (".npz", ".json", ".jsonl", ".csv", ".png", ".txt")
-    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in kept}
+    found = (path for path in folder.rglob("*") if path.suffix in kept and path.name != TIMING)
+    return {str(path.relative_to(folder)) for path in found}
 
 
 def _differences(before: Path, after: Path, renamed: Mapping[str, str]) -> Iterator[str]:

@@ -12,7 +12,7 @@ from rich.text import Text
 from mathnavi.interfaces.short_tables import value_text
 from mathnavi.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.timing import TIMING_COLUMNS, Timing, slow_components, timing_rows
+from mathnavi.sim.records.timing import Timing, slow_components, timing_table
 
 if TYPE_CHECKING:
     from mathnavi.sim.scenarios.closed_loop import RunData
@@ -61,13 +61,13 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
 
 def print_timing(console: Console, timing: Timing | None) -> None:
     """Print how long the answers of a run's components took, and which were slower than real time."""
-    if timing is None or not (rows := timing_rows(timing)):
+    if timing is None:
         return
-    heading, *columns = TIMING_COLUMNS
+    (first, *columns), rows = timing_table(timing)
     table = Table(box=None, pad_edge=False, header_style="dim")
-    table.add_column(heading)
+    table.add_column(first)
     for column in columns:
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="left" if column == "vehicle" else "right")
     for row in rows:
         table.add_row(*map(Text, row))
     console.print(table)

@@ -17,6 +17,7 @@ from mathnavi.interfaces.short_tables import Row, html_table, short_table, value
 from mathnavi.interfaces.writing import write_text
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.timing import slow_components
 from mathnavi.sim.scenarios import closed_loop
 
 if TYPE_CHECKING:
@@ -103,6 +104,8 @@ class RunResult(closed_loop.RunData):
         title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
         if status := self.summary.get(PLANNER_STATUS):
             title += f"; but the planner {status}"
+        slow = {} if self.timing is None else slow_components(self.timing)
+        title += "".join(f"; {component}: {words}" for component, words in slow.items())
         grouped = [key for keys in SUMMARY_GROUPS.values() for key in keys if key in self.summary]
         own = [
             key

@@ -86,7 +86,7 @@ class RunData:
         write_run_files(folder, self.config, self.summary, self.recording, self.scene_arrays(), self.timing)
 
     def save(self, folder: str | Path) -> Path:
-        """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
+        """Write config.json, summary.json, events.jsonl, log.npz, log.json and timing.json into a folder; return it.
 
         A run that was read from a folder is copied unchanged. The folder is replaced as a whole; other files in it are
         kept. Raises OSError where it cannot be written, RunFolderError where another process is writing it.
@@ -160,5 +160,6 @@ class ClosedLoop:
         scene = None if drawn else partial(_scene, self.plant, recording)
         plans_take: PlansTake = "no time" if latency is None else "measured" if latency.recorded is None else "recorded"
         config = self.config if latency is None else {**self.config, LATENCY: "measured"}
-        timing = Timing.of(recording, self.timed, plans_take) if self.timed else None
-        return RunData(recording, summary, config, success, scene=scene, timing=timing)
+        timing = Timing.of(recording, self.timed, plans_take)
+        known = timing if any(timing.vehicles.values()) else None
+        return RunData(recording, summary, config, success, scene=scene, timing=known)

@@ -45,7 +45,7 @@ def test_a_run_leaves_what_every_run_leaves_and_is_run_again_bit_for_bit(
     name: str, flown: Flown, tmp_path: Path
 ) -> None:
     folder = flown(name)
-    names = {"config.json", "summary.json", "events.jsonl", "log.npz", "log.json"}
+    names = {"config.json", "summary.json", "events.jsonl", "log.npz", "log.json", "timing.json"}
     assert {path.name for path in folder.iterdir()} - {"report.html"} == names
     assert main(["run", "--trust", "--from", str(folder), "--out", str(tmp_path)]) in (0, 1)
     with np.load(folder / "log.npz") as one, np.load(tmp_path / "log.npz") as other:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from array import array
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -122,3 +123,20 @@ def test_broken_delays_are_refused_with_their_file(tmp_path: Path, text: str) ->
     (tmp_path / DELAYS).write_text(text)
     with pytest.raises(RunFolderError, match=DELAYS):
         read_delays(tmp_path)
+
+
+numbers = st.integers(-3, 3) | st.floats() | st.text(max_size=3) | st.none()
+components = st.dictionaries(
+    st.sampled_from(["answers", "period_s", "median_s", "p99_s", "worst_s", "longer"]), numbers
+)
+
+
+@given(vehicles=st.dictionaries(st.text(max_size=3), st.dictionaries(st.text(max_size=3), components) | numbers))
+def test_any_other_timing_is_refused_with_its_file(tmp_path_factory: pytest.TempPathFactory, vehicles: object) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    (folder / TIMING).write_text(json.dumps({"plans_take": "no time", "vehicles": vehicles}))
+    if vehicles == {} or (isinstance(vehicles, dict) and all(each == {} for each in vehicles.values())):
+        assert read_timing(folder) is not None
+    else:
+        with pytest.raises(RunFolderError, match=TIMING):
+            read_timing(folder)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.interfaces.errors import RunFolderError
@@ -126,11 +126,10 @@ def test_broken_delays_are_refused_with_their_file(tmp_path: Path, text: str) ->
 
 
 numbers = st.integers(-3, 3) | st.floats() | st.text(max_size=3) | st.none()
-components = st.dictionaries(
-    st.sampled_from(["answers", "period_s", "median_s", "p99_s", "worst_s", "longer"]), numbers
-)
+components = st.dictionaries(st.sampled_from(["answers", "period_s", "median_s", "longer"]), numbers)
 
 
+@settings(max_examples=40)
 @given(vehicles=st.dictionaries(st.text(max_size=3), st.dictionaries(st.text(max_size=3), components) | numbers))
 def test_any_other_timing_is_refused_with_its_file(tmp_path_factory: pytest.TempPathFactory, vehicles: object) -> None:
     folder = tmp_path_factory.getbasetemp()

@@ -163,7 +163,7 @@ def test_a_flight_that_is_cut_short_leaves_no_folder(
 ) -> None:
     import mathnavi.commands.run
 
-    def interrupted(closed_loop: Any, *others: Any) -> RunData:
+    def interrupted(closed_loop: Any, *others: Any, **named: Any) -> RunData:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mathnavi.commands.run, "fly", interrupted)

@@ -35,7 +35,6 @@ PlansTake = Literal["no time", "measured", "recorded"]
 """simulated time of the plans of a run: none, that measured in it, or that recorded in an earlier one"""
 
 Number = Annotated[int, Ge(0)]
-_FEW = 0.05  # of the answers
 
 
 @configuration
@@ -50,6 +49,11 @@ class AnswerFigures:
     first_s: NonNegative  # of the first answer, which imports what the component has not imported yet
     period_share: NonNegative  # mean time of an answer over the period
     longer: Number  # answers that took longer than the period
+
+    @property
+    def keeps_pace(self) -> bool:
+        """Whether the answers took no longer than their periods, most of them and all together."""
+        return self.period_share <= 1.0 and 2 * self.longer <= self.answers
 
     @staticmethod
     def of(times: AnswerTimes) -> AnswerFigures:
@@ -141,11 +145,12 @@ def timing_table(timing: Timing) -> tuple[tuple[str, ...], list[tuple[str, ...]]
     )
 
 
-def slow_components(timing: Timing) -> dict[str, str]:
+def slow_components(timing: Timing, *, on_the_whole: bool = False) -> dict[str, str]:
     """By how much each component was slower than real time on this machine, in words; others are left out.
 
-    Of a planner one answer that took longer than its period is enough. The others answer many times a second, and the
-    system interrupts them now and then: more than one answer in twenty, or all together, must have taken longer.
+    Of a planner one answer that took longer than its period is enough. The others answer many times a second, and a
+    busy machine interrupts them now and then: they are slower if they do not keep pace on the whole, and so is a
+    planner with ``on_the_whole``.
     """
     words = {}
     for component in dict.fromkeys(name for each in timing.vehicles.values() for name in each):
@@ -153,7 +158,7 @@ def slow_components(timing: Timing) -> dict[str, str]:
         slow = {
             name: figures
             for name, figures in found.items()
-            if figures.period_share > 1.0 or figures.longer > (0 if component == PLANNER else _FEW * figures.answers)
+            if not figures.keeps_pace or (component == PLANNER and figures.longer and not on_the_whole)
         }
         if not slow:
             continue

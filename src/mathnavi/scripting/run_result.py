@@ -104,7 +104,7 @@ class RunResult(closed_loop.RunData):
         title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
         if status := self.summary.get(PLANNER_STATUS):
             title += f"; but the planner {status}"
-        slow = {} if self.timing is None else slow_components(self.timing)
+        slow = {} if self.timing is None else slow_components(self.timing, on_the_whole=True)
         title += "".join(f"; {component}: {words}" for component, words in slow.items())
         grouped = [key for keys in SUMMARY_GROUPS.values() for key in keys if key in self.summary]
         own = [

@@ -11,10 +11,11 @@ import math
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
 
@@ -66,7 +67,8 @@ class FullState:
 
     def __init__(self, config: FullStateConfig, mission: FullStateMission) -> None:
         self.period = mission.control_period
-        self._timeout_monitor = TimeoutMonitor(config.timeout)
+        self._timeout_monitor = TimeoutMonitor(config.timeout, 0.0, settling=0.0)  # a reading is the state
+        self._counts = ReadingCounts()
         self._mission = mission
         self._fresh = mission.full_state_covariance(0.0)  # covariance of a reading of age 0
         self._x = mission.start_state
@@ -96,9 +98,16 @@ class FullState:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate x (nx,) at t [s] from the readings since the last call, ``command`` (nu,) held in between."""
+        """Estimate x (nx,) at t [s] from the readings since the last call, ``command`` (nu,) held in between.
+
+        ``extra`` counts the readings that were not used.
+        """
         for reading in measurements:
-            if reading.name == "full_state" and reading.t > self._timeout_monitor.t:
+            if reading.name != "full_state":
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif reading.t <= self._timeout_monitor.t:
+                self._counts.add(Unused.LATE)
+            else:
                 self._x, self._t = reading.value, reading.t
                 self._timeout_monitor.note(reading.t)
         if self._t == -math.inf:
@@ -107,6 +116,7 @@ class FullState:
             self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
         status, age = self._timeout_monitor.status(t), t - self._timeout_monitor.t
         if status is Status.INITIALISING:
-            return Estimate(t, self._x.copy(), status=status)
+            message = waiting(status, "a reading of full_state")
+            return Estimate(t, self._x.copy(), status=status, extra=self._counts.extra, message=message)
         covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh
-        return Estimate(t, self._x.copy(), covariance, status)
+        return Estimate(t, self._x.copy(), covariance, status, self._counts.extra)

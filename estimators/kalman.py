@@ -32,9 +32,10 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri, gammainc
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.linear_noise import discretised
@@ -98,7 +99,7 @@ class Kalman:
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         self.period = mission.control_period
-        self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the fixes
+        self._timeout_monitor = TimeoutMonitor(config.timeout, 1.0 / mission.position_rate)  # of the fixes
         self._model = AxisModel.from_config(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
@@ -108,6 +109,7 @@ class Kalman:
         self._innovations: deque[float] = deque(maxlen=_WINDOW)  # normalised, of the last fixes that were used
         self._excess = 1.0  # of the covariance of these innovations over that of the filter, while that is unlikely
         self._outliers = 0  # in a row
+        self._counts = ReadingCounts()
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
@@ -147,15 +149,19 @@ class Kalman:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (6,) [m, m/s] at t [s] from the fixes since the last call, ``command`` (3,) [m/s^2] held in between.
 
-        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust. Raises ValueError for a fix older than the filter.
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra`` also counts the readings that were not used.
+        Raises ValueError for a fix older than the filter.
         """
         for fix in measurements:
             if fix.name == "position":
                 self._predict(fix.t, command)
                 self._condition(fix)
+            else:
+                self._counts.add(Unused.UNKNOWN_SENSOR)
         self._predict(t, command)
-        x = self._x
-        return Estimate(t, x[:2].flatten(), self._covariance(), self._timeout_monitor.status(t), {"gust": x[2].copy()})
+        x, covariance = self._x, self._covariance()
+        status, extra = self._timeout_monitor.status(t, covariance), {"gust": x[2].copy(), **self._counts.extra}
+        return Estimate(t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix"))
 
     def _covariance(self) -> Array:
         """Covariance (6, 6) [m, m/s] of position and velocity: that of an axis, symmetric, on each of the three."""
@@ -183,9 +189,14 @@ class Kalman:
         variance = float(self._P[0, 0]) + self._R
         difference = fix.value - self._x[0]
         normalised = float(difference @ difference) / variance
-        if normalised > _OUTLIER:
+        if not math.isfinite(normalised):
+            self._counts.add(Unused.NOT_FINITE)
+            return
+        agrees = normalised <= _OUTLIER
+        if not agrees:
             self._outliers += 1
             if self._outliers <= _LASTING:
+                self._counts.add(Unused.OUTLIER)
                 return
             self._P = self._P * (normalised / _AXES)
             variance = float(self._P[0, 0]) + self._R
@@ -198,7 +209,7 @@ class Kalman:
         kept = _EYE - gain * _H
         self._x = self._x + gain * difference
         self._P = kept.dot(self._P).dot(kept.T) + (gain * self._R) * gain.T
-        self._timeout_monitor.note(fix.t)
+        self._timeout_monitor.note(fix.t, agrees=agrees)
 
 
 def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:

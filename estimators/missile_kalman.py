@@ -21,12 +21,13 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP, Coordinates
@@ -71,7 +72,8 @@ class MissileKalman:
     def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
-        self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
+        interval = mission.control_period if config.rate is None else 1.0 / config.rate
+        self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout, interval), np.array(mission.input_max)
         self._size = coordinates.state_size
         self._step = transition(coordinates, mission.body, config.time_constant)
         self._input_of = disturbing_input(coordinates)
@@ -85,6 +87,7 @@ class MissileKalman:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._inputs = InputHistory(mission.input_delay, len(disturbance))
         self._called: float | None = None  # [s] of the last call
+        self._counts = ReadingCounts()
 
     @staticmethod
     def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
@@ -112,8 +115,9 @@ class MissileKalman:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
 
-        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes. Raises ValueError
-        for a reading of another shape, or older than the filter.
+        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes; ``extra`` also
+        counts the readings that were not used. Raises ValueError for a reading of another shape, or older than the
+        filter.
         """
         held = np.clip(command, -self._input_max, self._input_max)
         if self._called is not None:
@@ -123,11 +127,14 @@ class MissileKalman:
             if reading.name == "full_state":
                 self._predict(reading.t)
                 self._condition(reading)
+            else:
+                self._counts.add(Unused.UNKNOWN_SENSOR)
         self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
-        disturbance = np.array(self._input_of(x)).ravel()
-        status = self._timeout_monitor.status(t)
-        return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), status, {"disturbance": disturbance})
+        P = 0.5 * (P + P.T)
+        status = self._timeout_monitor.status(t, P)
+        extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
+        return Estimate(t, x[: self._size].copy(), P, status, extra, waiting(status, "a reading of full_state"))
 
     def _predict(self, t: float) -> None:
         """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'
@@ -155,6 +162,9 @@ class MissileKalman:
         # Both the state and the reading are flat: filterpy broadcasts a flat array and a column to a square matrix.
         if reading.value.shape != (self._size,):
             raise ArgumentError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
+        if not np.isfinite(reading.value).all():
+            self._counts.add(Unused.NOT_FINITE)
+            return
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
         self._timeout_monitor.note(reading.t)
 

@@ -16,12 +16,15 @@ import numpy as np
 from annotated_types import Interval
 
 from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
-from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.stagewise.model import CountedModel, StageBuilder
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
+from mathnavi.estimators.velocity.position_observer import FARTHEST
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.manifold.manifold import CutLocusError
@@ -53,26 +56,34 @@ class MovingHorizonEstimator:
 
     Config = MovingHorizonConfig
 
-    def __init__(self, config: MovingHorizonConfig, model: StagewiseModel, period: float, unknown: Array) -> None:
+    def __init__(
+        self, config: MovingHorizonConfig, model: CountedModel, mission: HorizonMission, unknown: Array
+    ) -> None:
         """``unknown`` is the state that is returned before there is an estimate."""
-        self.period = period
+        self.period = _period(mission)
         self._model, self._builder = model, StageBuilder(model)
         self._horizon = MovingHorizon(model, config.stages, config.iterations, config.slope)
-        self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the readings that agreed
+        interval = 1.0 / mission.position_rate if isinstance(mission, FlightMission) else self.period
+        self._timeout_monitor = TimeoutMonitor(config.timeout, interval)  # of the readings that agreed
+        self._reader = RangeReader(mission, config.timeout) if isinstance(mission, RangingMission) else None
+        self._counts = ReadingCounts() if self._reader is None else self._reader.counts
+        # Whether the estimator can start at a reading, wherever the vehicle has gone in a long time without calls.
+        self._starts_anywhere = isinstance(mission, LagrangianMission)
+        self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
 
     @staticmethod
     def build(config: MovingHorizonConfig, mission: HorizonMission) -> MovingHorizonEstimator:
         """Build the estimator of one run."""
-        model, period = MovingHorizonEstimator.stagewise_model(config, mission), _period(mission)
+        model = MovingHorizonEstimator.stagewise_model(config, mission)
         if isinstance(mission, LagrangianMission):
-            return MovingHorizonEstimator(config, model, period, mission.start_state)
+            return MovingHorizonEstimator(config, model, mission, mission.start_state)
         start = model.start(None)
         assert start is not None
-        return MovingHorizonEstimator(config, model, period, start[0])
+        return MovingHorizonEstimator(config, model, mission, start[0])
 
     @staticmethod
-    def stagewise_model(config: MovingHorizonConfig, mission: HorizonMission) -> StagewiseModel:
+    def stagewise_model(config: MovingHorizonConfig, mission: HorizonMission) -> CountedModel:
         """Model with noise of the mission's vehicle."""
         if isinstance(mission, LagrangianMission):
             from mathnavi.estimators.stagewise.lagrangian import NOISE_FLOOR, LagrangianModel
@@ -122,9 +133,15 @@ class MovingHorizonEstimator:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate at t [s] from the readings since the last call, ``command`` (nu,) held in between.
 
-        ``extra["deviation"]`` (d,) are standard deviations of the model's errors, NaN before there are any.
+        ``extra["deviation"]`` (d,) are standard deviations of the model's errors, NaN before there are any; ``extra``
+        also counts the readings that were not used.
         """
         horizon, lost = self._horizon, False
+        self._count(t, measurements, command)
+        if self._starts_anywhere and self._t is not None and t - self._t > max(FARTHEST, 100.0 * self.period):
+            horizon.forget()
+            self._builder.restart()
+        self._t = t
         try:
             for stage in self._builder.add(t, measurements, command):
                 horizon.add(stage)
@@ -135,17 +152,30 @@ class MovingHorizonEstimator:
             lost = True
         if horizon.started:
             self._unknown = horizon.x
-        status = self._timeout_monitor.status(t)
-        if horizon.failure and status is Status.OK:
-            status = Status.SOLVER_FAILED
-        elif (lost or not horizon.started) and status is not Status.INITIALISING:
-            status = Status.LOST
         P = horizon.P if horizon.started else np.full_like(horizon.P, np.nan)
         x, covariance = self._model.reported(self._unknown, 0.5 * (P + P.T))
         if not horizon.started:
             covariance = None
+        status = self._timeout_monitor.status(t, covariance)
+        if self._reader is not None:
+            status = worst(status, self._reader.odometry_status(t, covariance))
+        if horizon.failure and status.usable:
+            status = Status.SOLVER_FAILED
+        elif (lost or not horizon.started) and status is not Status.INITIALISING:
+            status = Status.LOST
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
-        return Estimate(t, x, covariance, status, {"deviation": deviation, **self._model.extra(self._unknown)})
+        extra = {"deviation": deviation, **self._model.extra(self._unknown), **self._counts.extra}
+        return Estimate(t, x, covariance, status, extra, waiting(status, "readings that agree"))
+
+    def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
+        """Count the readings that are not used."""
+        if self._reader is not None:
+            self._reader.read(t, measurements, command)
+        for reading in measurements:
+            if (reason := self._model.unused(reading)) is not None:
+                self._counts.add(reason)
+            elif self._builder.is_late(reading.t):
+                self._counts.add(Unused.LATE)
 
 
 def _period(mission: HorizonMission) -> float:

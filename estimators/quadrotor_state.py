@@ -54,9 +54,10 @@ class QuadrotorState:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate of the point mass (6,) [m, m/s] at t [s]; ``command`` (4,) [N] was held since the last call.
 
-        ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body.
+        ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, and counts the readings that were
+        not used.
         """
         whole = self._whole.update(t, measurements, command)
         covariance = None if whole.covariance is None else whole.covariance[np.ix_(_POINT, _POINT)]
-        extra = {"attitude": whole.x[ATTITUDE].copy(), "rate": whole.x[RATE].copy()}
-        return Estimate(t, whole.x[_POINT], covariance, whole.status, extra)
+        extra = {"attitude": whole.x[ATTITUDE].copy(), "rate": whole.x[RATE].copy(), **whole.extra}
+        return Estimate(t, whole.x[_POINT], covariance, whole.status, extra, whole.message)

@@ -1,32 +1,83 @@
-"""Age of the newest reading that an estimator has used, and the status that follows from it."""
+"""Age of the newest reading that an estimator has used, and the status that follows from it.
+
+The timeout is the longest gap between readings that is declared, but for a sensor that reads seldom, of which one
+reading may be missing. After a longer one the estimate is DEGRADED until it has converged again: readings have come without such a gap, and agreed with it, for as long as it needs to settle, and
+its standard deviations are no more than 1.5 times those that it had when it was OK last.
+"""
 
 from __future__ import annotations
 
 import math
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.signals import Status
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
+
+_WIDER = 1.5**2  # of a variance
+_INTERVALS = 2.1  # between readings, one of which was lost, with some jitter
+_WORST_FIRST = (Status.INITIALISING, Status.LOST, Status.DEGRADED)
 
 
 class TimeoutMonitor:
     """Monitor of the time since the last reading was used."""
 
-    def __init__(self, timeout: float) -> None:
-        """``timeout`` is the time [s] without a reading after which the estimate is lost."""
-        self._timeout = timeout
+    def __init__(
+        self, timeout: float, interval: float, *, settling: float | None = None, beyond: Status = Status.LOST
+    ) -> None:
+        """``timeout`` is the time [s] without a reading after which the status is ``beyond``: LOST, or DEGRADED where
+        the other sensors of the estimator still bound its error. ``interval`` [s] is the declared time between readings.
+
+        ``settling`` is the time [s] for which readings have to agree after such a gap, the timeout if not given.
+        """
+        self._timeout, self._beyond = timeout, beyond
+        self.longest = max(timeout, _INTERVALS * interval)
+        """longest gap [s] after which the estimate is still OK"""
+        self._settling = timeout if settling is None else settling
+        self._since = math.inf  # [s] from which on readings have agreed since the gap
+        self._converged = True  # since the last gap
+        self._variances: Array | None = None  # (n,) of the last estimate that was OK
         self.t = -math.inf  # [s] of the last reading that was used
 
-    def note(self, t: float, usable: bool = True) -> None:
-        """Note the time t [s] of a reading if it was usable."""
-        if usable:
-            self.t = t
+    def note(self, t: float, usable: bool = True, agrees: bool = True) -> None:
+        """Note the time t [s] of a reading if it was usable, and whether it agreed with the estimate."""
+        if not usable:
+            return
+        if t - self.t > self.longest + TIME_TOLERANCE and self.t > -math.inf:
+            self._converged, self._since = False, t
+        elif not (self._converged or agrees):
+            self._since = t
+        self.t = t
 
-    def status(self, t: float) -> Status:
-        """Status at t [s]: ``INITIALISING`` before the first reading, ``LOST`` once the last is too old."""
+    def status(self, t: float, covariance: Array | None = None) -> Status:
+        """Status at t [s] of an estimate with a ``covariance`` (n, n), or None.
+
+        ``INITIALISING`` before the first reading.
+        """
         if self.t == -math.inf:
             return Status.INITIALISING
-        return Status.OK if t - self.t <= self._timeout + TIME_TOLERANCE else Status.LOST
+        if t - self.t > self._timeout + TIME_TOLERANCE:
+            return self._beyond
+        if not self._converged:
+            if t - self._since < self._settling - TIME_TOLERANCE or self._is_wider(covariance):
+                return Status.DEGRADED
+            self._converged = True
+        self._variances = None if covariance is None else covariance.diagonal().copy()
+        return Status.OK
+
+    def _is_wider(self, covariance: Array | None) -> bool:
+        if covariance is None or self._variances is None:
+            return False
+        return not bool((covariance.diagonal() <= _WIDER * self._variances).all())
+
+
+def worst(*statuses: Status) -> Status:
+    """Worst of the statuses that an estimate has by its sensors."""
+    return next((status for status in _WORST_FIRST if status in statuses), statuses[0])
+
+
+def waiting(status: Status, what: str) -> str:
+    """Message of an estimate: ``what`` it waits for while it is INITIALISING; "" later."""
+    return f"waits for {what}" if status is Status.INITIALISING else ""
 
 
 def time_ahead(t: float, now: float, what: str) -> float:

@@ -25,10 +25,15 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Status(Enum):
-    """Outcome of an estimate or of a plan request; the value is the message for the user."""
+    """Outcome of an estimate or of a plan request; the value is the message for the user.
+
+    OK is as good as declared. DEGRADED is not, after a gap in the readings that was longer than declared for example,
+    but the covariance of the estimate says how good it is.
+    """
 
     OK = "ok"
     INITIALISING = "the estimator has not seen enough measurements yet"
+    DEGRADED = "the estimate is worse than declared; its covariance says how much"
     LOST = "the estimator has lost its sensors"
     SOLVER_FAILED = "the solver did not converge"
     INFEASIBLE = "the optimisation problem has no feasible point"
@@ -37,6 +42,11 @@ class Status(Enum):
     MALFORMED = "the plan's arrays do not fit together, or its arcs do not join"
     LATE = "the plan was not at hand when it should have started"
     NOT_ADMITTED = "the plan was not acknowledged by every other vehicle when it should have started"
+
+    @property
+    def usable(self) -> bool:
+        """True for an estimate that whoever uses its covariance may use: OK or DEGRADED. Only OK counts as good."""
+        return self in (Status.OK, Status.DEGRADED)
 
 
 OPTIMISED = 0
@@ -67,6 +77,7 @@ class Estimate:
     covariance: Array | None = None  # (nx, nx)
     status: Status = Status.OK
     extra: Mapping[str, Array] = field(default_factory=lambda: NOTHING)
+    message: str = ""  # details behind the status: of one that is INITIALISING, what it waits for
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ class BeliefFromEstimates:
         pose, P = checked_pose(estimate), estimate.covariance
         is_usable = P is not None and P.shape == (3, 3) and bool(np.isfinite(P).all())
         P = _definite(P) if P is not None and is_usable else self._deviation**2 * np.eye(3)
-        belief = Belief(pose, P, estimate.status is Status.OK, _alternatives(estimate))
+        belief = Belief(pose, P, estimate.status.usable, _alternatives(estimate))
         if not np.isfinite(pose).all():
             return belief
         own = np.array([belief.position_deviation, belief.heading_deviation]) if is_usable else np.zeros(2)

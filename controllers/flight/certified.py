@@ -60,9 +60,10 @@ def _owned(plan: Plan) -> Plan:
 def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
     """Reason why a tracking bound cannot be relied on with an estimate; "" if it can.
 
+    A DEGRADED estimate is judged by its covariance, and without one it cannot be relied on.
     ``worst`` are the declared standard deviations of its position [m] and velocity [m/s], at their worst.
     """
-    if estimate.status is not Status.OK:
+    if not estimate.status.usable or (estimate.covariance is None and estimate.status is not Status.OK):
         return str(estimate.status.value)
     if estimate.covariance is None:
         return ""

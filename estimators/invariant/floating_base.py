@@ -9,7 +9,9 @@ of the ground, zero (M. Bloesch et al., State Estimation for Legged Robots, RSS 
 
 So the velocity of the base, and with it the attitude relative to gravity, is observable while a foot stands; position
 and heading never are: they drift. In the air everything but the rate is integrated and drifts; ``base_deviation`` says
-by how much, and the estimate is lost once the velocity's standard deviation exceeds a limit.
+by how much, and the estimate is lost once the velocity's standard deviation exceeds a limit. Without IMU readings the
+last one is held, and trusted less and less. What a gap that is longer than declared leaves unknown of position and
+heading is never found again: the estimate stays DEGRADED.
 
 Biases of the IMU are not estimated. Another plug-in estimates the joints' velocities; it gets the estimated pose of the
 base as if it had been read.
@@ -29,7 +31,7 @@ from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import Strapdown
 from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.momentum import MomentumObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
@@ -37,6 +39,7 @@ from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.cross_product import cross
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
@@ -88,7 +91,8 @@ class FloatingBaseIekfConfig:
     deviation_max: Positive = 0.5
     """standard deviation of the base's velocity, in its worst direction, beyond which the estimate is lost [m/s]"""
     timeout: Positive = 0.5
-    """time without IMU readings, or without encoder readings, after which the estimate is lost [s]"""
+    """time without IMU readings, or without encoder readings, after which the estimate is lost, or without readings of
+    the foot switches after which it is degraded [s]"""
 
 
 class FloatingBaseIekf:
@@ -100,7 +104,9 @@ class FloatingBaseIekf:
         self.period = mission.period
         self._config, self._mission, self._base = config, mission, _base_of(mission)
         self._data = mujoco.MjData(self._base.model)
-        self._imu, self._limit = TimeoutMonitor(config.timeout), float(chdtri(3, config.gate))
+        self._imu = TimeoutMonitor(config.timeout, mission.period)
+        self._switches = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
+        self._limit = float(chdtri(3, config.gate))
         noise = (self._base.gyro, self._base.accelerometer)
         x = mission.start_state
         nq, R = self._base.model.nq, rotation(x[ATTITUDE])
@@ -116,6 +122,7 @@ class FloatingBaseIekf:
         if self._base.has_joints:
             plugin = _OBSERVERS[config.joints]
             self._observer = plugin.build(plugin.Config(timeout=config.timeout), mission)
+        self._counts = ReadingCounts() if self._observer is None else self._observer.counts
         self._joint_rates = np.zeros(self._base.model.nv - JOINT_RATES.start)
         self._stood = np.zeros(len(self._base.feet), dtype=bool)
         self._contact_t = 0.0  # [s] of the last reading of the switches
@@ -154,14 +161,16 @@ class FloatingBaseIekf:
 
         ``extra`` has ``base_deviation`` (9,), standard deviations of the attitude about the IMU's axes [rad], of its
         velocity [m/s] and of its position [m] along those of the world, ``standing`` (k,), 1 for each foot whose
-        velocity was used, and the extra arrays of the joints' observer.
+        velocity was used, and the extra arrays of the joints' observer. It also counts the readings that were not used; a
+        standing foot that slides counts as an outlier.
         """
         self._standing[:] = 0.0
         order = {IMU: 0, JOINTS: 1, FEET: 2}
-        known = [reading for reading in measurements if reading.name in order and np.isfinite(reading.value).all()]
+        known = [reading for reading in measurements if self._is_known(reading, order)]
         joints: list[Measurement] = []
         for reading in sorted(known, key=lambda each: (each.t, order[each.name])):
             if reading.name == IMU:
+                self._hold(reading.t)
                 self._strapdown.propagate(reading.t, reading.value)
                 self._imu.note(reading.t)
             elif reading.name == JOINTS:
@@ -169,18 +178,47 @@ class FloatingBaseIekf:
                 joints.append(Measurement(POSITION, reading.t, self._position()))
             else:
                 self._stand(reading)
-        status, extra = self._imu.status(t), {}
+        self._hold(t)
+        status, extra, message = self._base_status(t), dict(self._counts.extra), ""
         if self._observer is not None:
             within = self._observer.update(t, joints, command)
             nq = self._base.model.nq
             self._joints, self._joint_rates = within.x[:nq][JOINT_POSITIONS], within.x[nq:][JOINT_RATES]
-            status = _worse(status, within.status)
+            message = waiting(status, "IMU readings") or within.message
+            status = worst(status, within.status)
             extra = dict(within.extra)
         deviation = self._deviation()
         if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
-            status = _worse(status, Status.LOST)
+            status = worst(status, Status.LOST)
         extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
-        return Estimate(t, self._state(), None, status, extra)
+        return Estimate(t, self._state(), None, status, extra, message or waiting(status, "IMU readings"))
+
+    def _is_known(self, reading: Measurement, order: Mapping[str, int]) -> bool:
+        """True for a reading of a sensor of its own that is finite and not late; others are counted."""
+        reason = None
+        if reading.name not in order:
+            reason = Unused.UNKNOWN_SENSOR
+        elif not np.isfinite(reading.value).all():
+            reason = Unused.NOT_FINITE
+        elif reading.name == IMU and reading.t < self._imu.t - TIME_TOLERANCE:
+            reason = Unused.LATE
+        if reason is not None:
+            self._counts.add(reason)
+        return reason is None
+
+    def _hold(self, t: float) -> None:
+        """Propagate to t [s] by the last reading of the IMU once it is older than declared."""
+        now = self._strapdown.t
+        if now is not None and t > now + TIME_TOLERANCE and t - self._imu.t > self._imu.longest + TIME_TOLERANCE:
+            self._strapdown.hold(t, float(np.linalg.norm(self._base.gravity)))
+
+    def _base_status(self, t: float) -> Status:
+        """Status at t [s] as far as the base is concerned."""
+        P = self._strapdown.P
+        switches = self._switches.status(t, P)
+        if switches is Status.INITIALISING:  # a base without feet, or before their first reading
+            switches = Status.OK
+        return worst(self._imu.status(t, P), switches)
 
     def events(self) -> list[tuple[str, str]]:
         """Return the kinds and messages of what has happened since the last call."""
@@ -188,9 +226,14 @@ class FloatingBaseIekf:
 
     def _stand(self, reading: Measurement) -> None:
         """Condition on the velocities of the feet that stand by a reading of their switches."""
+        h = reading.t - self._contact_t
+        if h < -TIME_TOLERANCE:
+            self._counts.add(Unused.LATE)
+            return
         standing = reading.value > 0.5
         still, self._stood = standing & self._stood, standing
-        h, self._contact_t = reading.t - self._contact_t, reading.t
+        self._contact_t = reading.t
+        self._switches.note(reading.t)
         if not still.any() or h <= TIME_TOLERANCE:
             return
         base, data, model = self._base, self._data, self._base.model
@@ -214,6 +257,8 @@ class FloatingBaseIekf:
             if nis <= self._limit:
                 self._strapdown.correct(d, P)
                 self._standing[k] = 1.0
+            else:
+                self._counts.add(Unused.OUTLIER)
 
     def _position(self) -> Array:
         """Position q (nq,): the base as estimated by the filter, the joints as read."""
@@ -241,8 +286,3 @@ def _base_of(mission: LagrangianMission) -> FloatingBase:
     if not isinstance(mission.system, MechanismSystem):
         raise FieldError(f"system = one on {mission.system.manifold.name}; allowed: a mechanism with a floating base")
     return mission.system.floating_base
-
-
-def _worse(one: Status, other: Status) -> Status:
-    """Worse one of two statuses."""
-    return next((status for status in (Status.INITIALISING, Status.LOST) if status in (one, other)), Status.OK)

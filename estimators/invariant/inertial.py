@@ -13,7 +13,8 @@ first order.
 
 While IMU readings are missing the estimate is propagated by the vehicle's declared motion under its input, with the
 declared gusts as its noise; without an input, as in a log of sensors alone, by the last reading, which is trusted less
-and less. The IMU's biases are not modelled. A rotation about the vertical shows in the fixes only
+and less. After a gap that is longer than declared it is DEGRADED until it has converged again; without fixes it is
+LOST. The IMU's biases are not modelled. A rotation about the vertical shows in the fixes only
 while the vehicle accelerates sideways; the initial heading is the mission's.
 """
 
@@ -29,11 +30,12 @@ from scipy.special import chdtri
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
 from mathnavi.estimators.kalman_steps import condition
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality
@@ -55,7 +57,9 @@ class InertialIekfConfig:
     gate: Probability = 1e-6
     """probability that a good fix is refused"""
     timeout: Positive = 1.0
-    """time without a fix, or without IMU readings, after which the estimate is lost [s]"""
+    """time without a fix after which the estimate is lost [s]"""
+    imu_gap: Positive = 0.5
+    """time without IMU readings after which the estimate is degraded [s]"""
     fix_floor: Positive = 0.01
     """least standard deviation that the filter assumes for a fix [m]"""
     start_attitude: Positive | None = None
@@ -71,8 +75,10 @@ class InertialIekf:
 
     def __init__(self, config: InertialIekfConfig, mission: QuadrotorMission) -> None:
         self.period = mission.control_period
-        self._mission, self._fixes = mission, TimeoutMonitor(config.timeout)
-        self._imu, self._outlier_counter = TimeoutMonitor(config.timeout), OutlierCounter()
+        self._mission, self._counts, self._outlier_counter = mission, ReadingCounts(), OutlierCounter()
+        self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.flight.position_rate)
+        # What the gap leaves unknown shows in the fixes.
+        self._imu = TimeoutMonitor(config.imu_gap, self.period, settling=config.timeout, beyond=Status.DEGRADED)
         self._limit = float(chdtri(3, config.gate))
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
@@ -117,19 +123,21 @@ class InertialIekf:
 
         ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, the standard deviations
         ``attitude_deviation`` (3,) [rad] about its axes, and ``nis`` (2,) of the newest fix with its number of
-        components, NaN if none was used.
+        components, NaN if none was used. It also counts the readings that were not used.
         """
         nis = np.full(2, np.nan)
         strapdown = self._strapdown
         if strapdown.t is None:
             strapdown.t = min([t, *(reading.t for reading in measurements)])
         for reading in sorted(measurements, key=lambda each: (each.t, each.name != "imu")):
-            if reading.t < strapdown.t - TIME_TOLERANCE or not np.isfinite(reading.value).all():
-                continue
-            if reading.name == "imu":
+            if (reason := self._unused(reading)) is not None:
+                self._counts.add(reason)
+            elif reading.name == "imu":
+                if reading.t - strapdown.t > self._imu.longest:
+                    self._coast(reading.t, command)
                 self._strapdown.propagate(reading.t, reading.value)
                 self._imu.note(reading.t)
-            elif reading.name == "position":
+            else:
                 self._coast(reading.t, command)
                 nis = self._fix(reading)
         self._coast(t, command)
@@ -142,9 +150,21 @@ class InertialIekf:
             "rate": strapdown.rate.copy(),
             "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
             "nis": nis,
+            **self._counts.extra,
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
-        return Estimate(t, x, 0.5 * (P + P.T), self._status(t), extra)
+        status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P))
+        wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
+        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted))
+
+    def _unused(self, reading: Measurement) -> Unused | None:
+        """Reason why a reading is not used; None for one that is, or is judged by its innovation."""
+        assert self._strapdown.t is not None
+        if reading.name not in ("imu", "position"):
+            return Unused.UNKNOWN_SENSOR
+        if reading.t < self._strapdown.t - TIME_TOLERANCE:
+            return Unused.LATE
+        return None if np.isfinite(reading.value).all() else Unused.NOT_FINITE
 
     def _coast(self, t: float, command: Array) -> None:
         """Propagate to t [s] without an IMU reading, by the declared motion under the command (4,) [N]."""
@@ -172,16 +192,13 @@ class InertialIekf:
         X = self._strapdown.X
         nu = X[:3, :3].T @ (reading.value - X[:3, 4])
         d, P, nis = condition(self._strapdown.P, _H, nu, self._R)
-        if not self._outlier_counter.admits(nis <= self._limit):
+        agrees = nis <= self._limit
+        if not self._outlier_counter.admits(agrees):
+            self._counts.add(Unused.OUTLIER)
             return np.full(2, np.nan)
-        self._fixes.note(reading.t)
+        self._fixes.note(reading.t, agrees=agrees)
         self._strapdown.correct(d, P)
         return np.array([nis, 3.0])
-
-    def _status(self, t: float) -> Status:
-        """Worse status of the two sensors at t [s]."""
-        both = (self._fixes.status(t), self._imu.status(t))
-        return next((status for status in (Status.INITIALISING, Status.LOST) if status in both), Status.OK)
 
 
 def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:

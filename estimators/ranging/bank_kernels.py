@@ -137,8 +137,8 @@ def condition_each(
     """Condition every hypothesis that was not dropped on ranges z (l,) [m], NaN where lost, in place; see
     ``condition``.
 
-    ``sensors`` have the declared noise, ``noise`` the estimate of the true one, updated by the best hypothesis. Updates
-    scores, misfits and slips too. Returns the index of the best hypothesis (``best`` if several are equal), its NIS,
+    ``sensors`` have the declared noise, ``noise`` the estimate of the true one, updated by the best hypothesis, whose
+    outliers are counted. Updates scores, misfits and slips too. Returns the index of the best hypothesis (``best`` if several are equal), its NIS,
     and the number of rays in the NIS.
     """
     score, misfit = bank.score, bank.misfit
@@ -159,6 +159,7 @@ def condition_each(
             innovations.variance[i] /= sigma * sigma
         remember(bank.recent[k], bank.readings[k], innovations.residual, innovations.variance)
         if k == best:
+            innovations.outliers[1] += innovations.outliers[0]
             learn_noise(
                 noise, bank.recent[k], bank.readings[k], innovations.residual, innovations.variance, sensors.longest
             )
@@ -219,7 +220,7 @@ HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, t
 SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, types.float64, types.float64)
 SUMS = named(NoiseSums, ONE, ONE)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
-INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE)
+INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64))
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
     (project, (TWO, ONE, ONE, WALL, ONE, types.int64)),

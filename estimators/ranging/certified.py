@@ -11,9 +11,9 @@ from typing import Any, Literal
 import numpy as np
 
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
-from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.pose_certificate import MOST_OTHERS, PoseCertificate, PoseCertificateConfig
 from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
+from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Estimator, Sensor
@@ -42,9 +42,10 @@ class RangeCertified:
 
     def __init__(self, config: RangeCertifiedConfig, mission: RangingMission) -> None:
         kind = _KINDS[config.method]
-        self._estimator: Estimator = kind.build(kind.Config(), mission)
+        estimated: Any = kind.Config()
+        self._estimator: Estimator = kind.build(estimated, mission)
         self.period = self._estimator.period
-        self._model, self._every = RangeModel(mission), config.every
+        self._reader, self._every = RangeReader(mission, estimated.timeout), config.every
         self._certificate = PoseCertificate(config.certificate, mission)
         self._certified, self._others = math.nan, np.full((MOST_OTHERS, 3), np.nan)
         self._due = -math.inf  # [s] of the next certificate
@@ -78,7 +79,7 @@ class RangeCertified:
         0, and ``others`` (8, 3), the other poses that explained the readings. Both are NaN until there are enough
         readings, and while the estimate is not OK.
         """
-        rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
+        rho, u = self._reader.read(t, measurements, command)
         estimate = self._estimator.update(t, measurements, command)
         self._certificate.note(t, rho, u)
         if estimate.status is not Status.OK:

@@ -62,11 +62,13 @@ from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, pr
 from mathnavi.estimators.ranging.kalman_kernels import no_innovations
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.angles import Radians, check_angle
 from mathnavi.interfaces.bounds import CountInMemory, Each, Positive, Probability, Seed, Within, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
@@ -155,7 +157,7 @@ class FeasibleSetBank:
 
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._config, self._model, self._reader = config, RangeModel(mission), RangeReader(mission, config.timeout)
         self._gate = chi_square_gate(config.gate)
         self._sensors = self._model.sensors(self._gate)
         self._noise = declared_noise(mission.ranging.outliers)
@@ -213,10 +215,10 @@ class FeasibleSetBank:
         ``command`` (2,) replaces missing odometry. ``extra`` has the ``hypotheses`` (K, 3), their ``scores`` (K,) and
         ``weights`` (K,), NaN for hypotheses that do not exist; ``nis`` (2,), the NIS of the best and its number of
         rays, NaN without an update; ``noise`` (2,), the ranges' standard deviation over the declared one and the share
-        of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise of wheel slip.
+        of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise of wheel slip. It also counts the
+        readings that were not used, by ray; an outlier is one that is more likely so than not to the best hypothesis.
         """
-        rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
-        self._timeout_monitor.note(t, not np.isnan(rho).all())
+        rho, u = self._reader.read(t, measurements, command)
         self._remember(t, rho, u)
         nis = np.full(2, np.nan)
         if self._is_alive:
@@ -231,7 +233,9 @@ class FeasibleSetBank:
                 )
             if not np.isnan(rho).all():
                 nis = self._condition(rho)
-        if not (self._is_alive and self._is_believed):
+        believed = self._is_alive and self._is_believed
+        self._reader.note(t, rho, believed)
+        if not believed:
             self._start()
         self._t = t
         return self._estimate(t, nis)
@@ -273,6 +277,9 @@ class FeasibleSetBank:
             self._bank, self._best, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
         )
         drop(self._bank, self._best, self._scoring, self._symmetry)
+        if outliers := self._innovations.outliers[1]:
+            self._reader.counts.add(Unused.OUTLIER, int(outliers))
+            self._innovations.outliers[1] = 0
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
     def _start(self) -> None:
@@ -338,10 +345,20 @@ class FeasibleSetBank:
             "nis": nis,
             "noise": np.array(noise_of(self._noise)),
             "slip": bank.slip[best : best + 1].copy(),
+            **self._reader.counts.extra,
         }
         if not self._is_alive:
-            return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra)
+            return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra, self._waits_to_start())
+        P = 0.5 * (bank.P[best, :3, :3] + bank.P[best, :3, :3].T)
         is_known = weights[best] >= _TWICE * (1.0 - weights[best])
-        status = self._timeout_monitor.status(t) if is_known else Status.INITIALISING
-        P = bank.P[best, :3, :3]
-        return Estimate(t, bank.x[best, :3].copy(), 0.5 * (P + P.T), status, extra)
+        status = self._reader.status(t, P) if is_known else Status.INITIALISING
+        message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
+        return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
+
+    def _waits_to_start(self) -> str:
+        """What is missing for the first hypotheses."""
+        calls, enough = self._window()
+        if self._calls < calls:
+            return f"waits for {calls} readings to average: it has {self._calls}"
+        needed = min(2, len(enough))
+        return f"waits for ranges of {needed} beam{'s' * (needed > 1)} at one pose: it has {enough.sum()}"

@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mathnavi.interfaces.compiled import njit
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
 
@@ -61,12 +61,13 @@ class Innovations(NamedTuple):
     variance: Array  # (l,) [m^2] of the range's noise
     white: Array  # (l,) beta nu / sqrt(s): white with unit variance in a consistent filter
     share: Array  # (l,) of the range's noise in s
+    outliers: Integers  # (2,) rays that are outliers rather than not, beta < 1/2: of the update, and of a filter so far
 
 
 def no_innovations(rays: int) -> Innovations:
     """Empty innovations of one update with ``rays`` rays."""
     residual, variance, white, share = np.full((4, rays), np.nan)
-    return Innovations(residual, variance, white, share)
+    return Innovations(residual, variance, white, share, np.zeros(2, np.int64))
 
 
 @njit(cache=True, nogil=True)
@@ -174,6 +175,7 @@ def condition(
     predicted = P[:3, :3].copy()
     dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
     likelihood, nis, read = 0.0, 0.0, 0
+    innovations.outliers[0] = 0
     for i in range(len(z)):
         innovations.residual[i] = innovations.variance[i] = innovations.white[i] = innovations.share[i] = math.nan
         if not z[i] > 0.0:
@@ -197,6 +199,8 @@ def condition(
             odds = math.log(outliers / longest) - inlier
             beta = 0.0 if odds > _MOST_UNLIKELY else 1.0 / (1.0 + math.exp(odds))
             inlier += odds if odds > _MOST_UNLIKELY else math.log1p(math.exp(odds))
+        if beta < 0.5:
+            innovations.outliers[0] += 1
         likelihood += inlier
         innovations.residual[i], innovations.variance[i] = z[i] - h, r
         innovations.white[i], innovations.share[i] = beta * nu / math.sqrt(s), r / s

@@ -3,53 +3,20 @@
 Their state is (x_1, x_2, phi, b), the pose and the scale error of the odometry, u = (1 - b) u_measured; see
 ``kalman_kernels``. A constant error accumulates, whereas errors that are independent between readings average out: for
 a filter that models a constant error as independent ones, it limits the accuracy.
-
-Selection of the readings that a range estimator uses.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within, within
-from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.signals import Array, Measurement
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
-
-TOO_LONG = 2.0  # times the longest distance within the wall: no ray reads that, even with noise
-TOO_FAST = 10.0  # times the robot's limits
-
-
-def usable_ranges(measurements: Sequence[Measurement], sensors: int, longest: float) -> Array:
-    """Ranges (l,) [m], NaN where a ray was lost: no reading, or one that is not finite, not positive or too long.
-
-    ``longest`` [m] is the longest distance within the wall. Raises ArgumentError for a reading of another length.
-    """
-    rho = np.full(sensors, np.nan)
-    for reading in measurements:
-        if reading.name == "ranges":
-            if reading.value.shape != (sensors,):
-                raise ArgumentError(f"a reading of ranges has shape {reading.value.shape}; allowed: ({sensors},)")
-            usable = (reading.value > 0.0) & (reading.value < TOO_LONG * longest)  # neither holds of NaN
-            rho = np.where(usable, reading.value, np.nan)
-    return rho
-
-
-def measured_input(measurements: Sequence[Measurement], command: Array, limits: Array) -> Array:
-    """Input u (2,) [m/s, rad/s] over the period that ends now: odometry if it is usable, or ``command`` (2,).
-
-    Odometry is not usable if it is not finite or far beyond the ``limits`` (2,) of the robot.
-    """
-    for reading in measurements:
-        if reading.name == "odometry" and (np.abs(reading.value) <= TOO_FAST * limits).all():
-            return reading.value
-    return command
-
 
 STATES = 4
 FROM_WHERE = "from most starts with two rays or more while the robot drives; at rest not with one or two rays"
@@ -75,16 +42,7 @@ class RangeModel:
         self.W = np.square(odometry.noise) + np.square(odometry.slip) + _LEAST_VARIANCE  # (2,) of what is new each time
         self.scale = odometry.bias  # standard deviation of b
         self.longest = mission.sensors_carried()[0].longest  # [m]
-        self._limits = np.array([mission.speed_max, mission.turn_rate_max])
         self._mission = mission
-
-    def ranges(self, measurements: Sequence[Measurement]) -> Array:
-        """Ranges (l,) [m] among ``measurements``, NaN where a ray was lost."""
-        return usable_ranges(measurements, len(self.angles), self.longest)
-
-    def input(self, measurements: Sequence[Measurement], command: Array) -> Array:
-        """Input u (2,) [m/s, rad/s] over the period that ends now; ``command`` (2,) if odometry is missing."""
-        return measured_input(measurements, command, self._limits)
 
     def range_variance(self, rho: Array) -> Array:
         """Variances (l,) [m^2] of readings of ranges rho (l,) [m]."""
@@ -146,12 +104,20 @@ class Gate:
     pass.
     """
 
-    def __init__(self, probability: float, sensors: int) -> None:
-        self._limit = chi_square_gate(probability)
+    def __init__(self, probability: float, sensors: int, counts: ReadingCounts) -> None:
+        """``counts`` gets the rays that are refused."""
+        self._limit, self._counts = chi_square_gate(probability), counts
+        self.agrees = True  # no more than half of the rays of the last reading are beyond the gate
         self._beyond = np.zeros(sensors, dtype=int)  # readings in a row
 
     def passes(self, squares: Array) -> Flags:
         """True (l,) where a ray is to be used, by its nu^2 / s (l,), NaN where a ray was lost."""
-        self._beyond = np.where(squares > self._limit, self._beyond + 1, np.where(np.isnan(squares), self._beyond, 0))
+        beyond = squares > self._limit
+        self._beyond = np.where(beyond, self._beyond + 1, np.where(np.isnan(squares), self._beyond, 0))
         passed: Flags = np.isfinite(squares) & ((self._beyond == 0) | (self._beyond > _LASTING))
+        if beyond.any():
+            self._counts.add(Unused.OUTLIER, int((beyond & ~passed).sum()))
+            self.agrees = 2 * int(beyond.sum()) <= len(beyond)
+        else:
+            self.agrees = True
         return passed

@@ -22,6 +22,7 @@ zero, so a straight line fits it, and an estimate on the truth stays on it for a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Annotated, Literal
@@ -31,15 +32,17 @@ from annotated_types import Interval
 from scipy.interpolate import CubicSpline
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from mathnavi.estimators.ranging.model import FROM_WHERE, measured_input, usable_ranges
+from mathnavi.estimators.ranging.model import FROM_WHERE
 from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
@@ -49,6 +52,7 @@ LONGEST_WINDOW = 1001
 HIGHEST_ORDER = 7
 _STRIDE = 5  # readings at most between two at which rays are cast
 _LEAST_NODES = 4  # of them on either side
+_DEVIATIONS, _APART = 3.0, 0.02  # of a range, and share of the longest: positions by two rays that agree
 
 
 def check_window(window: int, order: int) -> None:
@@ -186,13 +190,15 @@ class RangeObserver:
         if config.z_0 and len(config.z_0) != l + 1:
             raise FieldError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
-        self._timeout_monitor, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
+        # A gap leaves the window at its end only, and the observer runs at the centre.
+        settling = max(config.timeout, window * mission.period)
+        self._reader, self._gains = RangeReader(mission, config.timeout, settling), (config.k_v, config.k_q)
+        sigma = math.hypot(mission.ranging.absolute, mission.ranging.relative * self._reader.longest)
+        self._agreeing = l * l * (_DEVIATIONS**2 * sigma**2 + (_APART * self._reader.longest) ** 2)  # [m^2] of V_rho
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # Before there is a range rate, the expectation uses none.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
         self._wall, self._alpha = curve.wall, mission.alpha
-        self._longest = mission.sensors_carried()[0].longest
-        self._limits = np.array([mission.speed_max, mission.turn_rate_max])
         self._fit = (savitzky_golay(window, order), spread(window), mission.period)
         self._window = FitWindow(window, l)
         x, y, phi = mission.start_pose
@@ -200,7 +206,7 @@ class RangeObserver:
         self._z = seen_from(self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
         if config.z_0:
             self._z[:] = config.z_0
-        self._readings = np.full((2, l), np.nan)  # rho and rho_dot at the centre
+        self._readings = np.full((3, l), np.nan)  # at the centre: rho, rho_dot, and which readings were left out
         self._value = np.zeros(2)  # V_rho and |Q|^2 / 2
 
     @staticmethod
@@ -241,16 +247,20 @@ class RangeObserver:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) at the window's centre, where the observer runs.
+        It also counts the readings that were not used, by ray; an outlier once it is at the centre.
         """
-        window = self._window
-        rho = usable_ranges(measurements, len(self._alpha), self._longest)
-        window.push(rho, measured_input(measurements, command, self._limits))
-        self._timeout_monitor.note(t, not np.isnan(rho).all())
-        status = self._timeout_monitor.status(t) if window.has_centre else Status.INITIALISING
+        window, reader = self._window, self._reader
+        rho, u = reader.read(t, measurements, command)
+        window.push(rho, u)
         if window.has_centre:
             self._observe()
+            reader.counts.add(Unused.OUTLIER, int(self._readings[2].sum()))
+        reader.note(t, rho, bool(self._value[0] <= self._agreeing))
+        status = reader.status(t) if window.has_centre else Status.INITIALISING
         z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
-        return Estimate(t, x, None, status, {"z": z, "value": self._value.copy()})
+        extra = {"z": z, "value": self._value.copy(), **reader.counts.extra}
+        wanted = "ranges" if window.has_centre else f"{window.half + 1} readings: it has {window.count}"
+        return Estimate(t, x, None, status, extra, waiting(status, wanted))
 
     def _observe(self) -> None:
         """Advance the observer by one period, at the window's centre."""
@@ -263,7 +273,7 @@ class RangeObserver:
             return z
 
         if self._fits_innovation:
-            raw = np.stack([window.ranges[window.half], self._readings[1]])
+            raw = np.stack([window.ranges[window.half], self._readings[1], self._readings[2]])
             foreseen = anchored(wall, alpha, forward(self._foresee, raw), raw[0], predicted)
             readings = innovated(window.ranges, window.inputs, window.centre_input, self._fit, wall, alpha, foreseen)
         else:

@@ -20,7 +20,8 @@ from mathnavi.estimators.ranging.kalman_kernels import step_within
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, clusters_of, fold
 from mathnavi.estimators.ranging.particle_kernels import propagate, resample, weigh
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import CountInMemory, Positive, Probability, Seed, Within, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -81,7 +82,7 @@ class RangeParticle:
 
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._config, self._model, self._reader = config, RangeModel(mission), RangeReader(mission, config.timeout)
         sensors = self._model.sensors(_GATE)
         self._sensors = sensors._replace(outliers=max(sensors.outliers, config.outliers))
         self._symmetry = (mission.curve.symmetry, *mission.curve.centre)
@@ -128,15 +129,14 @@ class RangeParticle:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra`` has ``effective`` (1,), n_eff, ``particles`` (1,), their number, and ``weight`` (1,), that of the
-        heaviest cluster.
+        heaviest cluster; it also counts the readings that were not used, by ray.
         """
-        model, rho = self._model, self._model.ranges(measurements)
-        self._timeout_monitor.note(t, not np.isnan(rho).all())
+        model = self._model
+        rho, u = self._reader.read(t, measurements, command)
+        self._reader.note(t, rho)
         dt = 0.0 if self._t is None else t - self._t
         if dt > 0.0:
-            propagate(
-                self._x, model.input(measurements, command), np.sqrt(model.W), model.scale, model.wall, dt, self._rng
-            )
+            propagate(self._x, u, np.sqrt(model.W), model.scale, model.wall, dt, self._rng)
         self._t = t
         effective = 1.0 / float(np.square(self._w).sum())
         if not np.isnan(rho).all():
@@ -171,7 +171,8 @@ class RangeParticle:
         P = clusters.covariance[best, :3, :3].copy()
         weight = float(clusters.weight[best])
         is_known = weight >= _KNOWN and np.diag(P).max() < self._config.spread**2
-        status = self._timeout_monitor.status(t) if is_known else Status.INITIALISING
+        status = self._reader.status(t, P) if is_known else Status.INITIALISING
         figures = {"effective": effective, "particles": float(len(self._w)), "weight": weight}
-        extra = {name: np.array([value]) for name, value in figures.items()}
-        return Estimate(t, self._mean[:3].copy(), P, status, extra)
+        extra = {name: np.array([value]) for name, value in figures.items()} | self._reader.counts.extra
+        wanted = "ranges" if is_known else f"more ranges: the heaviest cluster holds {weight:.2f} of the weight"
+        return Estimate(t, self._mean[:3].copy(), P, status, extra, waiting(status, wanted))

@@ -37,7 +37,8 @@ from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -64,8 +65,8 @@ class PoseFilter(ABC):
 
     def __init__(self, config: PoseFilterConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._gate = Gate(config.gate, mission.sensors)
+        self._model, self._reader = RangeModel(mission), RangeReader(mission, config.timeout)
+        self._gate = Gate(config.gate, mission.sensors, self._reader.counts)
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
     @classmethod
@@ -98,16 +99,20 @@ class PoseFilter(ABC):
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
-        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update; ``extra`` also counts
+        the readings that were not used, by ray.
         """
-        rho = self._model.ranges(measurements)
-        self._timeout_monitor.note(t, not np.isnan(rho).all())
+        reader = self._reader
+        rho, u = reader.read(t, measurements, command)
         if self._t is not None and t > self._t:
-            self._predict(self._model.input(measurements, command), t - self._t)
+            self._predict(u, t - self._t)
         self._t = t
         nis = self._condition(rho)
+        reader.note(t, rho, self._gate.agrees)
         pose, P = self._pose()
-        return Estimate(t, pose, 0.5 * (P + P.T), self._timeout_monitor.status(t), {"nis": nis})
+        P = 0.5 * (P + P.T)
+        status = reader.status(t, P)
+        return Estimate(t, pose, P, status, {"nis": nis, **reader.counts.extra}, waiting(status, "ranges"))
 
     @abstractmethod
     def _pose(self) -> tuple[Array, Array]:

@@ -21,8 +21,9 @@ WindowFit = tuple[Array, Array, float]
 
 
 @njit(cache=True, nogil=True)
-def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
-    """Fit a polynomial to ``samples`` (2 m + 1,) at tau = -1, ..., 1: its value and its derivative by tau at tau = 0.
+def centre_fit(samples: Array, weights: Array) -> tuple[float, float, bool]:
+    """Fit a polynomial to ``samples`` (2 m + 1,) at tau = -1, ..., 1: its value and its derivative by tau at tau = 0,
+    and whether the sample at the centre was left out as one that is far off.
 
     ``weights`` (p + 1, 2 m + 1) give its coefficients if no sample is missing. NaN samples are left out, and so are
     samples far off a first fit. Returns NaN, NaN if too many are missing.
@@ -35,7 +36,7 @@ def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
     elif _is_enough(samples, len(weights)):
         a = _fit(samples, len(weights))
     else:
-        return math.nan, math.nan
+        return math.nan, math.nan, False
     residual, squares = np.empty(n), 0.0
     for j in range(n):
         residual[j] = samples[j] - _polynomial(a, _tau(j, n))
@@ -47,25 +48,28 @@ def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
             residual[j], far = math.nan, far + 1
         elif not math.isnan(residual[j]):
             residual[j] = samples[j]
+    refused = False
     if far > 0 and _is_enough(residual, len(weights)):
         a = _fit(residual, len(weights))
-    return a[0], a[1]
+        refused = math.isnan(residual[n // 2]) and not math.isnan(samples[n // 2])
+    return a[0], a[1], refused
 
 
 @njit(cache=True, nogil=True)
 def measured(ranges: Array, weights: Array, period: float) -> Array:
-    """Readings (2, l) of rho [m] and rho_dot [m/s] at the centre of ``ranges`` (2 m + 1, l), taken every ``period``
-    [s].
+    """Readings (3, l) at the centre of ``ranges`` (2 m + 1, l), taken every ``period`` [s]: rho [m], rho_dot [m/s], and
+    1 for a ray whose reading at the centre the fit left out, else 0.
 
     ``weights`` (p + 1, 2 m + 1) are those of ``savitzky_golay``. If the window has too few readings of a ray, rho is
     the reading at its centre, or NaN, and rho_dot is NaN.
     """
     n, l = ranges.shape  # noqa: E741
-    readings = np.empty((2, l))
+    readings = np.empty((3, l))
     for i in range(l):
-        value, slope = centre_fit(ranges[:, i].copy(), weights)
+        value, slope, refused = centre_fit(ranges[:, i].copy(), weights)
         readings[0, i] = value if not math.isnan(value) else ranges[n // 2, i]
         readings[1, i] = slope / (period * (n // 2))
+        readings[2, i] = 1.0 if refused else 0.0
     return readings
 
 
@@ -73,7 +77,7 @@ def measured(ranges: Array, weights: Array, period: float) -> Array:
 def innovated(
     ranges: Array, inputs: Array, u: Array, fit: WindowFit, wall: WallShape, alpha: Array, pose: Array
 ) -> Array:
-    """Readings (2, l) of rho [m] and rho_dot [m/s] as of ``measured``, but fitted to the innovation.
+    """Readings (3, l) as of ``measured``, but fitted to the innovation.
 
     The innovation is the difference of the ``ranges`` (2 m + 1, l) from those expected of a robot that is at ``pose``
     (3,) at the window's centre and has the ``inputs`` (2 m, 2) between the readings; ``u`` (2,) is the one at the
@@ -97,13 +101,14 @@ def innovated(
                     rho_i, _ = cast_ray(coefficients, polyline, x, y, at[2] + alpha[i])
                     cast[k + way * (j + 1) // (m // k), i] = rho_i
     expected = spread @ cast
-    readings = np.empty((2, l))
+    readings = np.empty((3, l))
     for i in range(l):
-        value, slope = centre_fit(ranges[:, i] - expected[:, i], weights)
+        value, slope, refused = centre_fit(ranges[:, i] - expected[:, i], weights)
         by_x, by_y, by_phi = range_gradient(coefficients, s[i], rho[i], pose[2] + alpha[i])
         rate = u[0] * (by_x * math.cos(pose[2]) + by_y * math.sin(pose[2])) + u[1] * by_phi
         readings[0, i] = rho[i] + value if not math.isnan(value) else ranges[m, i]
         readings[1, i] = rate + slope / (period * m) if math.isfinite(rate) else math.nan
+        readings[2, i] = 1.0 if refused else 0.0
     return readings
 
 

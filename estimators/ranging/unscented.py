@@ -17,7 +17,8 @@ from annotated_types import Gt
 from mathnavi.estimators.kalman_steps import square_root
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import FINITE, NonNegative, Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -50,8 +51,8 @@ class RangeUkf:
 
     def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._gate = Gate(config.gate, mission.sensors)
+        self._model, self._reader = RangeModel(mission), RangeReader(mission, config.timeout)
+        self._gate = Gate(config.gate, mission.sensors, self._reader.counts)
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()
         self._filter.Q = np.zeros((STATES, STATES))
@@ -89,16 +90,19 @@ class RangeUkf:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
-        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update; ``extra`` also counts
+        the readings that were not used, by ray.
         """
-        rho = self._model.ranges(measurements)
-        self._timeout_monitor.note(t, not np.isnan(rho).all())
-        dt = 0.0 if self._t is None else t - self._t
-        self._predict(self._model.input(measurements, command), dt)
+        reader = self._reader
+        rho, u = reader.read(t, measurements, command)
+        self._predict(u, 0.0 if self._t is None else t - self._t)
         self._t = t
         nis = self._condition(rho)
+        reader.note(t, rho, self._gate.agrees)
         U = square_root(self._filter.P)[:, :3]
-        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._timeout_monitor.status(t), {"nis": nis})
+        P = U.T @ U
+        status, extra = reader.status(t, P), {"nis": nis, **reader.counts.extra}
+        return Estimate(t, self._filter.x[:3].copy(), P, status, extra, waiting(status, "ranges"))
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x

@@ -15,7 +15,7 @@ from mathnavi.estimators.riemannian.gains import (
     IntrinsicGains,
 )
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
-from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.position_observer import TIME_CONSTANTS, PositionObserver
 from mathnavi.estimators.velocity.readings import (
     OutlierCounter,
     SpeedGate,
@@ -130,6 +130,8 @@ class _Intrinsic:
     unless they persist.
     """
 
+    state_covariance: Array | None = None
+
     def __init__(self, config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
         manifold = mission.system.manifold
         if config.curvature == "matched" and manifold.kappa is None:
@@ -144,6 +146,9 @@ class _Intrinsic:
         self._config, self._mission, self._manifold = config, mission, manifold
         omega = config.bandwidth or DEFAULT_BANDWIDTH
         self._gains = IntrinsicGains(omega, config.damping, config.gains, config.curvature, kappa)
+        self.settling = 0.0 if self._tuned else TIME_CONSTANTS / (omega * min(config.damping, 1.0 / config.damping))
+        if config.gains == "printed":  # its velocity does not converge
+            self.settling = np.inf
         self._observer: SampledIntrinsicObserver | None = None
         self._distance = np.nan
         self._tuning: BandwidthTuning | None = None

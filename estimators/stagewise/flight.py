@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mathnavi.estimators.kalman import AxisModel, KalmanConfig, clipped_rms, first_covariance
-from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.estimators.stagewise.model import Piece, refused
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.aerial.mission import FlightMission
 
@@ -48,6 +49,9 @@ class FlightModel:
 
     def reading(self, measurement: Measurement) -> Array | None:
         return measurement.value.copy() if measurement.name == "position" else None
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        return refused(measurement, "position")
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         key = round(h, 10)

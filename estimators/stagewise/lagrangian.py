@@ -12,6 +12,8 @@ import numpy as np
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.estimators.velocity.error_state import StateErrors, acceleration_noise
 from mathnavi.estimators.velocity.readings import PositionReader, innovation, reading_variance
+from mathnavi.estimators.velocity.refusals import refusal
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.manifold.mission import LagrangianMission
 
@@ -91,5 +93,8 @@ class LagrangianModel:
     def extra(self, x: Array) -> Mapping[str, Array]:
         return NOTHING
 
-    def reported(self, x: Array, P: Array) -> tuple[Array, None]:
-        return x.copy(), None
+    def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:
+        return x.copy(), None if np.isnan(P).any() else self._errors.state_covariance(x, P)
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        return refusal(self._manifold, measurement)

@@ -17,7 +17,8 @@ from mathnavi.estimators.missile_kalman import (
     start_deviation,
     transition,
 )
-from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.estimators.stagewise.model import Piece, refused
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP
@@ -78,6 +79,9 @@ class MissileModel:
 
     def reading(self, measurement: Measurement) -> Array | None:
         return measurement.value.copy() if measurement.name == "full_state" else None
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        return refused(measurement, "full_state")
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         after, F = (np.array(made) for made in self._step(x, u, h))

@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -72,6 +73,21 @@ class StagewiseModel(Protocol):
         ...
 
 
+class CountedModel(StagewiseModel, Protocol):
+    """System with noise that says why it does not use a measurement."""
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        """Reason why a measurement is not used; None for one that is."""
+        ...
+
+
+def refused(measurement: Measurement, sensor: str) -> Unused | None:
+    """Reason why a measurement is not one of a ``sensor``; None for one that is."""
+    if measurement.name != sensor:
+        return Unused.UNKNOWN_SENSOR
+    return None if np.isfinite(measurement.value).all() else Unused.NOT_FINITE
+
+
 @dataclass(frozen=True, eq=False)
 class SmootherStage:
     """Time with readings, and the inputs since the stage before."""
@@ -88,12 +104,20 @@ class StageBuilder:
         self._model = model
         self._t: float | None = None  # [s] of the last stage
 
+    def is_late(self, t: float) -> bool:
+        """True for a reading of t [s] that is older than the last stage."""
+        return self._t is not None and t < self._t - TIME_TOLERANCE
+
+    def restart(self) -> None:
+        """Forget the last stage: no motion leads from it to the next one."""
+        self._t = None
+
     def add(self, t: float, measurements: Sequence[Measurement], command: Array) -> list[SmootherStage]:
         """Stages of a call at t [s] with the readings since the last, ``command`` (nu,) held."""
         by_time: dict[float, list[Array]] = {}
         for measurement in measurements:
             values = self._model.reading(measurement)
-            if values is not None and (self._t is None or measurement.t >= self._t - TIME_TOLERANCE):
+            if values is not None and not self.is_late(measurement.t):
                 at = t if abs(measurement.t - t) <= TIME_TOLERANCE else measurement.t
                 by_time.setdefault(at, []).append(values)
         by_time.setdefault(t, [])

@@ -5,13 +5,16 @@ The model of ``mathnavi.estimators.ranging.pose_filter``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import STATES, RangeModel
+from mathnavi.estimators.ranging.reader import RANGES, RangeReader
 from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
@@ -26,19 +29,25 @@ class RangingModel:
 
     def __init__(self, mission: RangingMission) -> None:
         self._model, self._bias = RangeModel(mission), mission.odometry.bias
+        self._reader = RangeReader(mission, math.inf)
         self.rows = mission.sensors
 
     def start(self, reading: Array | None) -> tuple[Array, Array]:
         return self._model.start()
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
-        return ((end - begin, self._model.input(measurements, command).copy()),)
+        measured = self._reader.odometry(measurements)
+        return ((end - begin, (command if measured is None else measured).copy()),)
 
     def reading(self, measurement: Measurement) -> Array | None:
-        if measurement.name != "ranges":
+        if measurement.name != RANGES:
             return None
-        rho = self._model.ranges([measurement])
+        rho = self._reader.ranges([measurement])
         return None if np.isnan(rho).all() else rho
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        """Return None: a ``RangeReader`` counts rays."""
+        return None
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         v = (1.0 - x[3]) * u

@@ -17,10 +17,11 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting
 from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.runge_kutta import dormand_prince
 from mathnavi.models.textbook.mission import TextbookMission
@@ -59,8 +60,9 @@ class TextbookEkf:
         self._filter.P = np.diag(np.square(mission.deviation))
         self._variance = max(mission.noise, config.noise_floor) ** 2
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._timeout_monitor = TimeoutMonitor(config.timeout)
+        self._timeout_monitor = TimeoutMonitor(config.timeout, mission.period)
         self._followed = True  # the last step was taken
+        self._counts = ReadingCounts()
 
     @staticmethod
     def build(config: TextbookEkfConfig, mission: TextbookMission) -> TextbookEkf:
@@ -85,14 +87,21 @@ class TextbookEkf:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between."""
+        """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
+
+        ``extra`` counts the readings that were not used, by output.
+        """
         for reading in measurements:
             if reading.name == "output":
                 self._predict(reading.t, command)
                 self._condition(reading, command)
+            else:
+                self._counts.add(Unused.UNKNOWN_SENSOR)
         self._predict(t, command)
-        P = self._filter.P
-        return Estimate(t, self._filter.x.copy(), 0.5 * (P + P.T), self._status(t))
+        P = 0.5 * (self._filter.P + self._filter.P.T)
+        status = self._status(t, P)
+        message = waiting(status, "a reading of output")
+        return Estimate(t, self._filter.x.copy(), P, status, self._counts.extra, message)
 
     def _predict(self, t: float, u: Array) -> None:
         """Predict from the filter's time to t [s] with u (p,) held."""
@@ -114,7 +123,11 @@ class TextbookEkf:
     def _condition(self, reading: Measurement, u: Array) -> None:
         """Condition on the outputs that are in sight, linearised at the resulting estimate, by Gauss-Newton."""
         prior, P, at = self._filter.x, self._filter.P, self._filter.x
-        seen = np.isfinite(reading.value) & (np.abs(self._outputs(at, u)[0]) <= self._system.output_max)
+        finite = np.isfinite(reading.value)
+        seen = finite & (np.abs(self._outputs(at, u)[0]) <= self._system.output_max)
+        if not seen.all():
+            self._counts.add(Unused.NOT_FINITE, int(np.isinf(reading.value).sum()))
+            self._counts.add(Unused.OUT_OF_RANGE, int((finite & ~seen).sum()))
         if not seen.any():
             return
         # State, reading and expectation are flat: filterpy broadcasts a flat array and a column to a square matrix.
@@ -135,8 +148,8 @@ class TextbookEkf:
         y, slope = self._output(x, u)
         return np.array(y).ravel(), np.array(slope)
 
-    def _status(self, t: float) -> Status:
-        status = self._timeout_monitor.status(t)
+    def _status(self, t: float, covariance: Array) -> Status:
+        status = self._timeout_monitor.status(t, covariance)
         return status if self._followed or status is Status.INITIALISING else Status.LOST
 
 

@@ -76,7 +76,8 @@ class Example22:
         def rate(z: casadi.SX, u: casadi.SX, y: casadi.SX) -> casadi.SX:
             return observer(z, u, y, config.alpha, config.beta)
 
-        return SampledObserver(ObserverLaw(3, rate, identity, identity), mission, config.timeout)
+        slowest = min(config.alpha, config.beta)
+        return SampledObserver(ObserverLaw(3, rate, identity, identity), mission, config.timeout, slowest)
 
     @staticmethod
     def sensors(config: Example22Config, mission: TextbookMission) -> tuple[Sensor, ...]:
@@ -135,7 +136,8 @@ class OutputInjection:
             x = to_x(z)
             return x if np.isfinite(x).all() else None
 
-        return SampledObserver(ObserverLaw(n, rate, of_numbers(form.T_1, n), found), mission, config.timeout)
+        law, slowest = ObserverLaw(n, rate, of_numbers(form.T_1, n), found), -max(config.poles)
+        return SampledObserver(law, mission, config.timeout, slowest)
 
     @staticmethod
     def sensors(config: OutputInjectionConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
@@ -209,14 +211,16 @@ class KazantzisKravaris:
         immersion = Immersion.for_system(system, config.poles, config.order)
         T, A, g = immersion.T, casadi.DM(immersion.A), immersion.g
         x, u = casadi.SX.sym("x", n), casadi.SX.sym("u", len(system.inputs))
-        y = casadi.SX.sym("y", len(system.outputs))
+        y, slowest = casadi.SX.sym("y", len(system.outputs)), -max(config.poles)
         if config.form == "z":
             F = casadi.Function("F", [x, u, y], [A @ x - g(y, u)])  # x stands for z
-            return SampledObserver(ObserverLaw(n, F, of_numbers(T, n), inverse(T, n)), mission, config.timeout)
+            law = ObserverLaw(n, F, of_numbers(T, n), inverse(T, n))
+            return SampledObserver(law, mission, config.timeout, slowest)
         correction = casadi.solve(casadi.jacobian(T(x), x), g(system.h(x, u), u) - g(y, u))
         sign = -1.0 if config.form == "printed" else 1.0
         F = casadi.Function("F", [x, u, y], [system.f(x, u) + sign * correction])
-        return SampledObserver(ObserverLaw(n, F, identity, identity), mission, config.timeout)
+        decays = slowest if config.form == "corrected" else 0.0
+        return SampledObserver(ObserverLaw(n, F, identity, identity), mission, config.timeout, decays)
 
     @staticmethod
     def sensors(config: KazantzisKravarisConfig, mission: TextbookMission) -> tuple[Sensor, ...]:

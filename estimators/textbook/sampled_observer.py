@@ -12,6 +12,7 @@ Parts of an observer in the sense of Definition 2.1.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,10 +22,11 @@ import casadi
 import numpy as np
 from annotated_types import Interval
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
 from mathnavi.interfaces.bounds import Each, Within
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.runge_kutta import Flow
 from mathnavi.models.textbook.mission import TextbookMission
@@ -60,15 +62,20 @@ def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
 
 
 _POINTS = 4  # that the polynomial goes through
+_TIME_CONSTANTS = 3.0  # of the slowest error, in which it is down to a twentieth
 
 
 class SampledObserver:
     """Estimator of x^ from readings "output", for any ``ObserverLaw``."""
 
-    def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
-        """``timeout`` is the time [s] without a reading after which the estimate is lost."""
+    def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float, slowest: float) -> None:
+        """``timeout`` is the time [s] without a reading after which the estimate is lost, ``slowest`` the least rate
+        [1/s] at which an error decays; 0 or less if one does not.
+        """
         self.period = mission.period
-        self._law, self._system, self._timeout_monitor = law, mission.system, TimeoutMonitor(timeout)
+        settling = max(timeout, _TIME_CONSTANTS / slowest) if slowest > 0.0 else math.inf
+        self._law, self._system = law, mission.system
+        self._timeout_monitor, self._counts = TimeoutMonitor(timeout, mission.period, settling=settling), ReadingCounts()
         self._flow = _flow(law, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
@@ -79,16 +86,23 @@ class SampledObserver:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
 
-        ``extra["z"]`` is the observer's state.
+        ``extra["z"]`` is the observer's state; ``extra`` also counts the readings that were not used.
         """
         for reading in measurements:
-            if reading.name == "output" and np.isfinite(reading.value).all():
+            if reading.name != "output":
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif not np.isfinite(reading.value).all():
+                self._counts.add(Unused.NOT_FINITE)
+            elif self._readings and reading.t <= self._readings[-1][0]:
+                self._counts.add(Unused.LATE)
+            else:
                 self._readings.append((reading.t, np.array(reading.value)))
-                self._timeout_monitor.note(reading.t)
+                self._timeout_monitor.note(reading.t, agrees=self._followed)
         if self._t is not None and t > self._t:
             self._advance(self._t, t - self._t, command)
         self._t = t
-        return Estimate(t, self._x.copy(), None, self._status(t), {"z": self._z.copy()})
+        status, extra = self._status(t), {"z": self._z.copy(), **self._counts.extra}
+        return Estimate(t, self._x.copy(), None, status, extra, waiting(status, "a reading of output"))
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """Advance from the time ``begin`` [s] by h [s] with u (p,) held."""

@@ -26,6 +26,8 @@ class Differences:
     """A ``VelocityLaw``."""
 
     extra: Mapping[str, Array] = NOTHING
+    state_covariance: Array | None = None
+    settling = 0.0  # beyond a filter that is faster than any timeout
 
     def __init__(self, cutoff: float, timeout: float, mission: LagrangianMission) -> None:
         """``cutoff`` [Hz] is that of the filter, 0 for none; ``timeout`` is the longest time of extrapolation [s]."""

@@ -39,6 +39,9 @@ from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 
 
+_STEP = 1e-6  # of an error, in its unit, of the difference that stands for a derivative
+
+
 class StateErrors:
     """Sums and differences of states (size + vector_size,) and errors (2 n,); CutLocusError if there are none."""
 
@@ -59,6 +62,26 @@ class StateErrors:
         q, w = other[: self._size], other[self._size :]
         b = self._manifold.components(x, self._carried(q, x, w) - v)
         return np.concatenate([self._manifold.coordinates(x, q), b])
+
+    def state_covariance(self, state: Array, P: Array) -> Array:
+        """Covariance (size + vector_size, size + vector_size) of the components of a ``state``, from P (2 n, 2 n).
+
+        Where errors are differences of the components, as of joints, it is P; on a curved space, whose points have more
+        components than dimensions, it has the rank of P.
+        """
+        if self._size == self._n and self._stored:
+            return P.copy()
+        if self._stored:
+            x, steps = state[: self._size], _STEP * np.eye(self._n)
+            slope = np.eye(len(state), 2 * self._n, self._n - self._size)  # the identity of the vectors
+            slope[: self._size] = 0.0
+            moved = [self._manifold.point(x, e) - self._manifold.point(x, -e) for e in steps]
+            slope[: self._size, : self._n] = np.stack(moved, axis=1) / (2.0 * _STEP)
+        else:
+            steps = _STEP * np.eye(2 * self._n)
+            slope = np.stack([self.sum(state, e) - self.sum(state, -e) for e in steps], axis=1) / (2.0 * _STEP)
+        covariance: Array = slope @ P @ slope.T
+        return 0.5 * (covariance + covariance.T)
 
     def turned(self, P: Array, x: Array, q: Array) -> Array:
         """Covariance (2 n, 2 n) of errors in the components at q (size,), from P (2 n, 2 n) in those at x (size,)."""
@@ -107,6 +130,14 @@ class ErrorStateFilter:
     def state(self) -> Array:
         """State (size + vector_size,) (x, v)."""
         return self._state
+
+    settling = 0.0
+
+    @property
+    def state_covariance(self) -> Array | None:
+        """Covariance (size + vector_size, size + vector_size) of the state; None before the start."""
+        P = self.covariance
+        return None if np.isnan(P[0, 0]) else self._bundle.state_covariance(self._state, P)
 
     @property
     def extra(self) -> Mapping[str, Array]:

@@ -79,7 +79,7 @@ class _HighGain(GatedLaw):
     extra: Mapping[str, Array] = NOTHING
 
     def __init__(self, config: HighGainConfig, mission: LagrangianMission) -> None:
-        super().__init__(mission)
+        super().__init__(mission, config.bandwidth)
         self._system, self._bandwidth = mission.system, config.bandwidth
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:

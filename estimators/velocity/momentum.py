@@ -116,7 +116,7 @@ class _Momentum(GatedLaw):
     """A ``VelocityLaw``."""
 
     def __init__(self, config: MomentumObserverConfig, mission: LagrangianMission) -> None:
-        super().__init__(mission)
+        super().__init__(mission, config.bandwidth)
         manifold = mission.system.manifold
         if not isinstance(manifold, _WithMass) or manifold.vector_size != manifold.dimension:
             raise FieldError(f"system = {manifold.name!r}; allowed for momentum_observer: a mechanism")

@@ -17,20 +17,32 @@ from typing import Protocol
 
 import numpy as np
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter, PositionReader, SpeedGate, innovation
+from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 
+FARTHEST = 60.0
+"""longest time [s] over which a motion is predicted at once: from further away nothing follows"""
+TIME_CONSTANTS = 10.0
+"""number of the time constants 1 / omega of a multiple pole in which an error is down to a thousandth, or nearly"""
+
+
 class GatedLaw(ABC):
     """Base of a ``VelocityLaw`` that starts it and accepts or refuses its readings."""
 
-    def __init__(self, mission: LagrangianMission) -> None:
+    state_covariance: Array | None = None
+
+    def __init__(self, mission: LagrangianMission, bandwidth: float) -> None:
+        """``bandwidth`` [1/s] is that of the poles of its errors."""
         self._mission, self._manifold = mission, mission.system.manifold
+        self.settling = TIME_CONSTANTS / bandwidth
 
     @property
     def state(self) -> Array:
@@ -72,6 +84,16 @@ class VelocityLaw(Protocol):
         ...
 
     @property
+    def state_covariance(self) -> Array | None:
+        """Covariance (size + vector_size, size + vector_size) of the state; None of a law that has none."""
+        ...
+
+    @property
+    def settling(self) -> float:
+        """Time [s] in which its errors decay; 0 of a law whose covariance says so."""
+        ...
+
+    @property
     def extra(self) -> Mapping[str, Array]:
         """Further arrays of the estimate, (k,) each; NaN for values that do not exist yet."""
         ...
@@ -102,9 +124,11 @@ class PositionObserver:
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
         self._reader = PositionReader(self._manifold)
-        self._timeout_monitor = TimeoutMonitor(timeout)  # of the readings that were used
+        self._timeout_monitor = TimeoutMonitor(timeout, mission.period, settling=max(timeout, law.settling))
+        self.counts = ReadingCounts()  # of the readings that were not used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
+        self._farthest = max(FARTHEST, 100.0 * mission.period)  # [s] of one prediction
         self._refused, self._restarts = 0, 0
         self._extra = dict(law.extra)
         self._safe_answer = safe_answer
@@ -114,19 +138,28 @@ class PositionObserver:
         between.
 
         ``extra`` has the arrays of the law, ``refused`` (1,) readings so far, and ``restarts`` (1,), the number of
-        starts after a failed step.
+        starts after a failed step or after a minute without calls. It also counts the readings
+        that were not used.
         """
         for reading in measurements:
             y = self._reader.read(reading)
-            if y is not None and reading.t > self._timeout_monitor.t + TIME_TOLERANCE:
+            if y is None:
+                if (reason := refusal(self._manifold, reading)) is not None:
+                    self.counts.add(reason)
+            elif reading.t > self._timeout_monitor.t + TIME_TOLERANCE:
                 self._read(reading.t, y, command)
+            else:
+                self.counts.add(Unused.LATE)
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
         extra = {name: values.copy() for name, values in self._extra.items()}
         safe, t_read = self._safe_answer, self._timeout_monitor.t
         by_differences = safe is not None and not safe.trusted and t_read > -math.inf
         x = safe.state(t - t_read) if safe is not None and by_differences else self._x.copy()
-        return Estimate(t, x, None, self._status(t), {**extra, **counts})
+        covariance = None if self._t is None else self._law.state_covariance
+        status = self._status(t, covariance)
+        message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
+        return Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
 
     def events(self) -> list[tuple[str, str]]:
         """Return the kinds and messages of what has happened since the last call."""
@@ -150,22 +183,28 @@ class PositionObserver:
         if self._t is None:
             self._restarts += self._timeout_monitor.t > -math.inf
             self._t = t
-            self._timeout_monitor.note(t)
+            self._timeout_monitor.note(t, agrees=False)
             self._try(lambda: self._law.start(y))
             return True
-        if t < self._t - TIME_TOLERANCE:  # too late: a newer one has been used
+        if t < self._t - TIME_TOLERANCE:  # too late: the law is ahead
+            self.counts.add(Unused.LATE)
             return False
         used: list[bool] = []
         self._try(lambda: used.append(self._law.correct(y, t - self._timeout_monitor.t)))
         self._timeout_monitor.note(t, used == [True])
-        self._refused += used == [False]
+        if used == [False]:
+            self._refused += 1
+            self.counts.add(Unused.OUTLIER)
         return False
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
         """Predict from the law's time to t [s] with u (nu,) held, with or without a reading y there."""
         if self._t is not None and t > self._t + TIME_TOLERANCE:
             h, self._t = t - self._t, t
-            self._try(lambda: self._law.predict(h, u, y))
+            if h > self._farthest:
+                self._t = None
+            else:
+                self._try(lambda: self._law.predict(h, u, y))
 
     def _try(self, step: Callable[[], None]) -> None:
         """Take a step of the law; if it fails, the law has to be started again."""
@@ -180,8 +219,8 @@ class PositionObserver:
         else:
             self._t = None
 
-    def _status(self, t: float) -> Status:
-        status, safe = self._timeout_monitor.status(t), self._safe_answer
-        if safe is not None and status is Status.OK and self._t is not None:
-            return safe.status
+    def _status(self, t: float, covariance: Array | None) -> Status:
+        status, safe = self._timeout_monitor.status(t, covariance), self._safe_answer
+        if safe is not None and status.usable and self._t is not None:
+            return worst(status, safe.status)
         return status if self._t is not None or status is Status.INITIALISING else Status.LOST

@@ -25,6 +25,7 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 
 _TURN = 2.0 * math.pi
 _LAST = 4  # readings that say where the next one is
+_AHEAD, _SPANS = 1.0, 10.0  # [s], and times that of the last readings, for which a speed lasts at most
 _SLACK = 0.1  # [rad] by which a reading may be beyond a limit or a turn
 _LASTING = 10  # readings in a row that are refused
 _TOO_FAST = 2.0  # times the system's greatest speed
@@ -89,7 +90,8 @@ class _Encoder:
             return 0.5 * (self._low + self._high) if self._high - self._low <= _TURN else angle
         speeds = [(after - before) / (then - at) for (at, before), (then, after) in pairwise(self._last)]
         speed = min(speeds, key=abs, default=0.0)
-        return median_low([before + max(t - at, 0.0) * speed for at, before in self._last])
+        farthest = max(_AHEAD, _SPANS * (self._last[-1][0] - self._last[0][0]))
+        return median_low([before + min(max(t - at, 0.0), farthest) * speed for at, before in self._last])
 
 
 def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:

@@ -35,6 +35,7 @@ CLEAR = 0.02  # [s] after the start, from which on a first estimate is annotated
 ANNOTATED = {  # changes of the estimator's status
     (Status.OK, Status.LOST): "lost: no usable readings",
     (Status.LOST, Status.OK): "it has readings again",
+    (Status.LOST, Status.DEGRADED): "it has readings again",
 }
 SUBJECTS = {
     "body": "a body on a ball joint: attitudes, S³",

@@ -30,6 +30,7 @@ TOUR_SHOTS = ((0.16, "chase", 3.6), (0.40, "top", 3.6), (0.18, "chase", 2.6), (0
 ANNOTATED = {  # changes of the estimator's status
     ("ok", "lost"): "nothing to see: going by the wheels",
     ("lost", "ok"): "it sees again",
+    ("lost", "degraded"): "it sees again",
     ("ok", "initialising"): "does not believe it: starts again",
 }
 FORCED_LENGTH = 11.0  # [s of video] after it was decided, where one camera films everything

@@ -48,7 +48,9 @@ class AgentRecorder:
         """Record an estimate, and an event if its status changes."""
         before = self.estimates[-1].status if self.estimates else Status.OK
         if before is not estimate.status:
-            self.event(estimate.t, "estimator-status", f"{estimate.status.name.lower()}: {estimate.status.value}")
+            details = f"; it {estimate.message}" if estimate.message else ""
+            text = f"{estimate.status.name.lower()}: {estimate.status.value}{details}"
+            self.event(estimate.t, "estimator-status", text)
         self.estimates.append(estimate)
 
     def asked(self, plan: Plan) -> None:

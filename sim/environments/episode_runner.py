@@ -6,7 +6,7 @@ the tracker's period. The observation is the newest estimate, never the truth:
     t            [s] at which the estimate is valid
     x            (nx,) the state, as the scenario's estimator has it
     covariance   (nx, nx) if the estimator has one; zeros as long as there is none yet
-    status       0 ok, 1 initialising, 2 lost
+    status       0 ok, 1 initialising, 2 lost, 3 degraded
     attitude, rate of a quadrotor: the parts of its estimate that it cannot be flown without
 
 Of a fleet, each of these and the command have a row for each vehicle.
@@ -39,7 +39,7 @@ from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.task import Inputs, LearningTerms, Outcome, ProposalFilter, Sample, Task
 
-STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
+STATUSES = (Status.OK, Status.INITIALISING, Status.LOST, Status.DEGRADED)
 """status of an estimate, by the number that is observed"""
 
 Observation = dict[str, Any]
@@ -371,7 +371,7 @@ def _estimates(scenario: str, loop: Loop) -> dict[str, Estimate]:
 
 
 def _number(status: Status) -> int:
-    """Return the observed number of a status; one that is neither ok nor initialising is lost."""
+    """Return the observed number of a status; one that has none is lost."""
     return STATUSES.index(status) if status in STATUSES else STATUSES.index(Status.LOST)
 
 

@@ -203,4 +203,5 @@ def _observation_space(example: Observation) -> spaces.Dict:
 def _space(name: str, value: Any) -> spaces.Space[Any]:
     if name != "status":
         return spaces.Box(-np.inf, np.inf, np.shape(value), np.float64)
-    return spaces.MultiDiscrete(np.full(np.shape(value), len(STATUSES))) if np.ndim(value) else spaces.Discrete(3)
+    count = len(STATUSES)
+    return spaces.MultiDiscrete(np.full(np.shape(value), count)) if np.ndim(value) else spaces.Discrete(count)

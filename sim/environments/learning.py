@@ -26,7 +26,7 @@ observed.
 The observation, with a row for each vehicle of a fleet, is
 
     time_left    [s] until the deadline
-    status       0 ok, 1 initialising, 2 lost
+    status       0 ok, 1 initialising, 2 lost, 3 degraded
     covariance   of the estimate, only if requested
 
 and the observation of the mission: ``mathnavi.sim.scenarios.flight_view`` of a flight, with attitude and rate of a

@@ -178,6 +178,7 @@ def lagrangian_summary(
         "decay_rate_per_s": decay_rate(errors.t, errors.norm, FOUND),
         "speed_max": float(speeds.max()),
         "lost_s": statuses.count(Status.LOST) * step,
+        "degraded_s": statuses.count(Status.DEGRADED) * step,
         "planner_share": planner_share(0.0, float(recording.t[-1]), recording.agents[name].plans),
         "run_time_s": float(recording.t[-1]),
         "real_time_factor": float(recording.t[-1]) / wall_seconds,

@@ -176,6 +176,7 @@ def ranging_summary(
         "lost_ranges": _lost(agent, recording.length),
         "initialising_s": _time_in(recording, name, Status.INITIALISING),
         "lost_s": _time_in(recording, name, Status.LOST),
+        "degraded_s": _time_in(recording, name, Status.DEGRADED),
         "touched_wall": kinds["contact"] > 0,
         "wall_clearance_min_m": min(mission.curve.distance(place) for place in path) - RADIUS,
         "path_length_m": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),

@@ -12,7 +12,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
-        "escape_time_s",
+        "escape_time_s", "degraded_s", "unused_readings", "unused_reasons", "waits_for",
     ),
     "mission": (
         "vehicles", "arrived", "arrived_vehicles", "spread_s", "first_arrival_s", "arrival_time_s", "deadline_s",
@@ -45,7 +45,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 # All figures above are numbers, or null if not known, except these.
 TRUTH_VALUES = frozenset(("hit", "hit_ground", "converged", "escaped", "arrived", "touched_wall"))
-TEXTS = frozenset(("observable", "nearest_pair", "efficiency_basis"))
+TEXTS = frozenset(("observable", "nearest_pair", "efficiency_basis", "unused_reasons", "waits_for"))
 # Units by the end of a name; longer ones first.
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
 # Labels that do not follow from the name; |v| is a length in the metric of the system.
@@ -64,8 +64,12 @@ LABELS = {
     "planner_share": ("share flown as planned", ""),
     "tracking_bound_share": ("share of bound used", ""),
     "deadline_left_s": ("deadline left", "s"),
+    "unused_readings": ("readings not used", ""),
+    "unused_reasons": ("of these", ""),
+    "waits_for": ("the estimator", ""),
 }
 SHORTFALL = "shortfall"  # the summary's key for why a run failed; without it the mission succeeded
+UNUSED_READINGS, UNUSED_REASONS, WAITS_FOR = "unused_readings", "unused_reasons", "waits_for"
 PLANNER_STATUS = "planner_status"  # the summary's key for a planner that had no part in the run; without it, it had
 
 

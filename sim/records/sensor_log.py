@@ -20,9 +20,18 @@ from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading.table_format import TableFormat
+from mathnavi.interfaces.reading_counts import Unused, unused_in, unused_text
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.sim.plugin.registry import PluginSpec, called, checked_estimator, checked_sensors, load, of_stranger
+from mathnavi.sim.plugin.registry import (
+    PluginSpec,
+    called,
+    check_class,
+    checked_estimator,
+    checked_sensors,
+    load,
+    of_stranger,
+)
 from mathnavi.sim.records.log_columns import read_log_columns
 from mathnavi.sim.records.log_times import PER_SECOND
 
@@ -126,7 +135,7 @@ class SensorLog:
         return rows
 
     def __repr__(self) -> str:
-        read = {name: int((~np.isnan(values).all(axis=1)).sum()) for name, values in self.readings.items()}
+        read = {name: _count(values) for name, values in self.readings.items()}
         rows = [(name, f"{count} x {self.readings[name].shape[1]}", "") for name, count in read.items()]
         rows += [] if self.inputs is None else [("inputs", f"{len(self.t)} x {self.inputs.shape[1]}", "")]
         table = short_table(f"{self.source}: {len(self.t)} times from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows)
@@ -142,12 +151,31 @@ class EstimateHistory:
     x: Array  # (n, nx) states, as the estimator's ``update`` documents them
     covariance: Array  # (n, nx, nx); NaN where there is none
     status: tuple[Status, ...]  # (n,)
+    message: tuple[str, ...]  # (n,) details behind the status: what an estimator that is INITIALISING waits for
     extra: Mapping[str, Array]  # (n, ...) other outputs of the estimator, by name
+    unread: Mapping[str, int]  # number of readings in the log of each sensor that the estimator does not read
 
     @property
     def ok(self) -> NDArray[np.bool_]:
-        """Return True (n,) where the estimate may be relied on."""
+        """Return True (n,) where the estimate is as good as declared."""
         return np.array([status is Status.OK for status in self.status])
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """Return True (n,) where the estimate may be used with its covariance: ``ok``, or DEGRADED."""
+        return np.array([status.usable for status in self.status])
+
+    @property
+    def unused(self) -> Mapping[str, int]:
+        """Return the number of readings that were not used, by reason; those of sensors that are not read among them.
+
+        Of an estimator that does not count, only the latter.
+        """
+        last = {key: values[-1:].ravel()[-1:] for key, values in self.extra.items()}
+        counts = unused_in(last) or {}
+        unknown = Unused.UNKNOWN_SENSOR.value
+        unread = counts.get(unknown, 0) + sum(self.unread.values())
+        return counts | ({unknown: unread} if unread else {})
 
     @property
     def deviation(self) -> Array:
@@ -159,10 +187,12 @@ class EstimateHistory:
         rows = [
             ("ok", f"{int(self.ok.sum())} of {len(self.t)}", ""),
             ("last status", self.status[-1].value, ""),
+            *([("it", self.message[-1], "")] if self.message[-1] else []),
             ("last x", vector_text(self.x[-1]), ""),
         ]
         if np.isfinite(self.deviation[-1]).all():
             rows.append(("last deviation", vector_text(self.deviation[-1], 2), ""))
+        rows += [("readings not used", unused_text(self.unused), "")] if self.unused else []
         return f"{self.method} from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows
 
     def __repr__(self) -> str:
@@ -183,7 +213,11 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     value that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
     """
     found = load("estimators", method) if isinstance(method, str) else method
-    spec = found if isinstance(found, PluginSpec) else PluginSpec.with_fields(found)
+    if isinstance(found, PluginSpec):
+        spec = found
+    else:
+        check_class("estimators", found, getattr(found, "__qualname__", repr(found)))
+        spec = PluginSpec.with_fields(found)
     spec = PluginSpec(spec.plugin, configured(spec.config, fields))
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)
@@ -191,7 +225,7 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     name = method if isinstance(method, str) else called("estimators", spec.name)
     for sensor in sensors:
         _check_readings(log, sensor, name)
-    commands = _commands(log, mission, name)
+    commands = _commands(log, mission)
     if len(log.t) > 1:
         _check_period(log, float(estimator.period), name)
     found_at: list[Estimate] = []
@@ -200,10 +234,17 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
         read = tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
         with of_stranger(spec.plugin, f"estimators: {name!r}: update() at {t:g} s failed:"):
             found_at.append(estimator.update(t, read, commands[k]))
-    return _history(name, found_at)
+    read_by = {sensor.name for sensor in sensors}
+    unread = {each: _count(rows) for each, rows in log.readings.items() if each not in read_by}
+    return _history(name, found_at, unread)
 
 
-def _history(name: str, estimates: Sequence[Estimate]) -> EstimateHistory:
+def _count(rows: Array) -> int:
+    """Number of readings among rows (n, m), NaN where there is none."""
+    return int((~np.isnan(rows).all(axis=1)).sum())
+
+
+def _history(name: str, estimates: Sequence[Estimate], unread: Mapping[str, int]) -> EstimateHistory:
     n = len(estimates[0].x)
     unknown = np.full((n, n), np.nan)
     return EstimateHistory(
@@ -212,7 +253,9 @@ def _history(name: str, estimates: Sequence[Estimate]) -> EstimateHistory:
         np.array([each.x for each in estimates]),
         np.array([unknown if each.covariance is None else each.covariance for each in estimates]),
         tuple(each.status for each in estimates),
+        tuple(each.message for each in estimates),
         {key: np.array([each.extra[key] for each in estimates]) for key in estimates[-1].extra},
+        unread,
     )
 
 
@@ -237,13 +280,12 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
         )
 
 
-def _commands(log: SensorLog, mission: Any, method: str) -> Array:
-    """Return the input (n, nu) held until each time, zero before the first."""
+def _commands(log: SensorLog, mission: Any) -> Array:
+    """Return the input (n, nu) held until each time, zero before the first; nu = 0 if neither log nor mission has one.
+    """
     count: int | None = getattr(mission, "input_size", None)
     if log.inputs is None:
-        if count is None:
-            raise LogError(f"{log.source} has no inputs; allowed: those that {method} is given, zeros if need be")
-        return np.zeros((len(log.t), count))
+        return np.zeros((len(log.t), count or 0))
     if count is not None and log.inputs.shape[1] != count:
         raise LogError(f"{log.source}: inputs has {log.inputs.shape[1]} columns; allowed: {count}")
     commands: Array = np.vstack([np.zeros((1, log.inputs.shape[1])), log.inputs[:-1]])

@@ -22,6 +22,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.metrics.planning import planner_status
+from mathnavi.sim.metrics.unused_readings import unused_figures
 from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
@@ -154,6 +155,7 @@ class ClosedLoop:
         if again is not None and rehearsing and compilation.seconds > 0.0:
             return again().run(progress, watch=watch, latency=latency)
         summary, success = self.summarise(recording, wall_seconds)
+        summary = {**summary, **unused_figures(recording)}
         if status := planner_status(recording):
             summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config

@@ -215,7 +215,7 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
 def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, plan: Plan) -> None:
     """Raise PluginError for an estimator without the estimates that the tracker needs."""
     estimate = stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
-    if estimate.status is not Status.OK:
+    if not estimate.status.usable:
         return  # not enough readings yet to decide
     try:
         stack.tracker.command(0.0, estimate, plan)

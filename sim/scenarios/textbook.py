@@ -167,7 +167,7 @@ def summarise(
     error = np.linalg.norm(errors, axis=1)
     late = t[lived] >= _LATE * t[lived][-1]
     rms = float(np.sqrt(np.mean(np.square(error[late]))))
-    lost = np.array([estimate.status is Status.LOST for estimate in agent.estimates])
+    statuses = [estimate.status for estimate in agent.estimates]
     figures = {
         "converged": rms <= config.tolerance,
         "error_start": float(error[0]),
@@ -181,7 +181,8 @@ def summarise(
         },
         "escaped": bool(escapes),
         "escape_time_s": escapes[0] if escapes else None,
-        "lost_s": float(lost.sum()) * config.mission.period,
+        "lost_s": statuses.count(Status.LOST) * config.mission.period,
+        "degraded_s": statuses.count(Status.DEGRADED) * config.mission.period,
         "planner_share": planner_share(0.0, float(recording.t[-1]), agent.plans),
         "run_time_s": float(recording.t[-1]),
         "real_time_factor": float(recording.t[-1]) / wall_seconds,

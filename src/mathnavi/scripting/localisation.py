@@ -50,7 +50,7 @@ class PoseEstimate:
 
     @property
     def status(self) -> Status:
-        """Status: OK, INITIALISING or LOST."""
+        """Status: OK, INITIALISING, DEGRADED or LOST; see ``Status``."""
         return self.estimate.status
 
     def _table(self) -> tuple[str, list[Row]]:

@@ -50,7 +50,7 @@ class MotionEstimate:
 
     @property
     def status(self) -> Status:
-        """Status: OK, INITIALISING or LOST."""
+        """Status: OK, INITIALISING, DEGRADED or LOST; see ``Status``."""
         return self.estimate.status
 
     @property

@@ -1,0 +1,69 @@
+"""Number of the readings that an estimator was given and did not use, by reason.
+
+An estimator has one ``ReadingCounts`` and puts its ``extra`` among the extra arrays of every estimate, so that the log,
+the summary of a run and the result of ``mn.estimate`` say the same. Of a sensor whose single rays or components may be
+used alone, each counts as a reading. What did not arrive, NaN in place of a ray, is no reading and is not counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum
+
+import numpy as np
+
+from mathnavi.interfaces.signals import Array
+
+_PREFIX = "unused_"
+
+
+class Unused(Enum):
+    """Reason why a reading was not used; the value is the word for the user."""
+
+    OUTLIER = "outlier"  # refused by a gate: too unlikely, or out of reach since the last reading
+    OUT_OF_RANGE = "out of range"  # beyond what the sensor or the vehicle can have
+    MALFORMED = "malformed"
+    LATE = "late"  # older than what was used already
+    NOT_UNIT = "not of unit length"  # a quaternion, or another value that is no point of the space of configurations
+    UNKNOWN_SENSOR = "unknown sensor"
+    NOT_FINITE = "not finite"
+
+    @property
+    def key(self) -> str:
+        """Name of its array in ``Estimate.extra``: "unused_outlier"."""
+        return _PREFIX + self.name.lower()
+
+
+class ReadingCounts:
+    """Numbers of readings that were not used, since the start."""
+
+    def __init__(self) -> None:
+        self._counts = dict.fromkeys(Unused, 0)
+        self.extra: Mapping[str, Array] = {reason.key: _read_only(0) for reason in Unused}
+        """read-only array (1,) for each reason, the number so far"""
+
+    def add(self, reason: Unused, count: int = 1) -> None:
+        """Count readings that were not used."""
+        if count:
+            self._counts[reason] += count
+            self.extra = {**self.extra, reason.key: _read_only(self._counts[reason])}
+
+
+def _read_only(count: int) -> Array:
+    array = np.array([float(count)])
+    array.setflags(write=False)
+    return array
+
+
+def unused_in(extra: Mapping[str, Array]) -> dict[str, int] | None:
+    """Numbers of unused readings by the word for the reason, without zeros, from the extra arrays of an estimate.
+
+    None for an estimator that does not count.
+    """
+    counted = {reason.value: int(extra[reason.key][-1]) for reason in Unused if reason.key in extra}
+    return {word: count for word, count in counted.items() if count} if counted else None
+
+
+def unused_text(counts: Mapping[str, int]) -> str:
+    """Counts as text: "12 outlier, 3 late"."""
+    return ", ".join(f"{count} {word}" for word, count in counts.items())

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -105,6 +105,8 @@ class FullState:
         for reading in measurements:
             if reading.name != "full_state":
                 self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif not math.isfinite(float(reading.value.dot(reading.value))):
+                self._counts.add(Unused.NOT_FINITE)
             elif reading.t <= self._timeout_monitor.t:
                 self._counts.add(Unused.LATE)
             else:
@@ -113,7 +115,9 @@ class FullState:
         if self._t == -math.inf:
             self._t = t  # nothing is known but the mission's start
         if t > self._t:
-            self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
+            if t - self._t <= FARTHEST:
+                self._x = self._mission.flow(self._x, command, t - self._t)
+            self._t = t
         status, age = self._timeout_monitor.status(t), t - self._timeout_monitor.t
         if status is Status.INITIALISING:
             message = waiting(status, "a reading of full_state")

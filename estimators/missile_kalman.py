@@ -21,7 +21,7 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, time_ahead, waiting
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import ArgumentError
@@ -36,6 +36,8 @@ from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
+
+_FAR = 1e4  # times the standard deviations of a reading: a state of which nothing is known
 
 
 @configuration
@@ -83,6 +85,8 @@ class MissileKalman:
         self._filter.x = np.concatenate([mission.start_state, np.zeros(len(disturbance))])
         self._filter.P = np.diag([*start_deviation(config, mission), *disturbance]) ** 2
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
+        far = np.concatenate([_FAR * np.sqrt(np.diag(self._filter.R)), disturbance])
+        self._anywhere = np.diag(np.square(far))  # covariance of a missile of which nothing is known
         self._H = np.eye(self._size, len(self._filter.x))
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._inputs = InputHistory(mission.input_delay, len(disturbance))
@@ -138,12 +142,18 @@ class MissileKalman:
 
     def _predict(self, t: float) -> None:
         """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'
-        declared delay.
+        declared delay. After a time in which it may have gone anywhere the next reading says where it is.
         """
         if self._t is None:
             self._t = t
-        for h, u in self._inputs.acting(self._t, self._t + time_ahead(t, self._t, "a reading")):
-            self._advance(h, u)
+        ahead = time_ahead(t, self._t, "a reading")
+        if ahead > FARTHEST:
+            self._inputs.forget(t)
+            self._filter.x[self._size :] = 0.0
+            self._filter.P = self._anywhere.copy()
+        else:
+            for h, u in self._inputs.acting(self._t, self._t + ahead):
+                self._advance(h, u)
         self._t = t
 
     def _advance(self, h: float, u: Array) -> None:

@@ -19,8 +19,7 @@ from mathnavi.estimators.kalman import Kalman, KalmanConfig
 from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.model import CountedModel, StageBuilder
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
-from mathnavi.estimators.velocity.position_observer import FARTHEST
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -67,8 +66,6 @@ class MovingHorizonEstimator:
         self._timeout_monitor = TimeoutMonitor(config.timeout, interval)  # of the readings that agreed
         self._reader = RangeReader(mission, config.timeout) if isinstance(mission, RangingMission) else None
         self._counts = ReadingCounts() if self._reader is None else self._reader.counts
-        # Whether the estimator can start at a reading, wherever the vehicle has gone in a long time without calls.
-        self._starts_anywhere = isinstance(mission, LagrangianMission)
         self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
 
@@ -138,7 +135,8 @@ class MovingHorizonEstimator:
         """
         horizon, lost = self._horizon, False
         self._count(t, measurements, command)
-        if self._starts_anywhere and self._t is not None and t - self._t > max(FARTHEST, 100.0 * self.period):
+        gone = self._t is not None and t - self._t > max(FARTHEST, 100.0 * self.period)
+        if gone and self._model.restart():
             horizon.forget()
             self._builder.restart()
         self._t = t

@@ -1,8 +1,9 @@
 """Age of the newest reading that an estimator has used, and the status that follows from it.
 
 The timeout is the longest gap between readings that is declared, but for a sensor that reads seldom, of which one
-reading may be missing. After a longer one the estimate is DEGRADED until it has converged again: readings have come without such a gap, and agreed with it, for as long as it needs to settle, and
-its standard deviations are no more than 1.5 times those that it had when it was OK last.
+reading may be missing. After a longer one the estimate is DEGRADED until it has converged again: readings have come
+without such a gap, and agreed with it, for as long as it needs to settle, and its standard deviations are no more than
+1.5 times those that it had when it was OK last.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ import math
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
+
+FARTHEST = 60.0
+"""longest time [s] over which a motion is predicted in one step: nothing follows from a state that is older"""
 
 _WIDER = 1.5**2  # of a variance
 _INTERVALS = 2.1  # between readings, one of which was lost, with some jitter
@@ -25,7 +29,8 @@ class TimeoutMonitor:
         self, timeout: float, interval: float, *, settling: float | None = None, beyond: Status = Status.LOST
     ) -> None:
         """``timeout`` is the time [s] without a reading after which the status is ``beyond``: LOST, or DEGRADED where
-        the other sensors of the estimator still bound its error. ``interval`` [s] is the declared time between readings.
+        the other sensors of the estimator still bound its error. ``interval`` [s] is the declared time between
+        readings.
 
         ``settling`` is the time [s] for which readings have to agree after such a gap, the timeout if not given.
         """
@@ -34,7 +39,8 @@ class TimeoutMonitor:
         """longest gap [s] after which the estimate is still OK"""
         self._settling = timeout if settling is None else settling
         self._since = math.inf  # [s] from which on readings have agreed since the gap
-        self._converged = True  # since the last gap
+        self.converged = True
+        """False from a gap on that was longer than declared until the estimate is OK again"""
         self._variances: Array | None = None  # (n,) of the last estimate that was OK
         self.t = -math.inf  # [s] of the last reading that was used
 
@@ -43,8 +49,8 @@ class TimeoutMonitor:
         if not usable:
             return
         if t - self.t > self.longest + TIME_TOLERANCE and self.t > -math.inf:
-            self._converged, self._since = False, t
-        elif not (self._converged or agrees):
+            self.converged, self._since = False, t
+        elif not (self.converged or agrees):
             self._since = t
         self.t = t
 
@@ -57,10 +63,10 @@ class TimeoutMonitor:
             return Status.INITIALISING
         if t - self.t > self._timeout + TIME_TOLERANCE:
             return self._beyond
-        if not self._converged:
+        if not self.converged:
             if t - self._since < self._settling - TIME_TOLERANCE or self._is_wider(covariance):
                 return Status.DEGRADED
-            self._converged = True
+            self.converged = True
         self._variances = None if covariance is None else covariance.diagonal().copy()
         return Status.OK
 

@@ -161,8 +161,8 @@ class FloatingBaseIekf:
 
         ``extra`` has ``base_deviation`` (9,), standard deviations of the attitude about the IMU's axes [rad], of its
         velocity [m/s] and of its position [m] along those of the world, ``standing`` (k,), 1 for each foot whose
-        velocity was used, and the extra arrays of the joints' observer. It also counts the readings that were not used; a
-        standing foot that slides counts as an outlier.
+        velocity was used, and the extra arrays of the joints' observer. It also counts the readings that were not used;
+        a standing foot that slides counts as an outlier.
         """
         self._standing[:] = 0.0
         order = {IMU: 0, JOINTS: 1, FEET: 2}

@@ -30,7 +30,7 @@ from scipy.special import chdtri
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
 from mathnavi.estimators.kalman_steps import condition
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -171,7 +171,9 @@ class InertialIekf:
         strapdown = self._strapdown
         assert strapdown.t is not None
         dt = t - strapdown.t
-        if dt <= TIME_TOLERANCE or (not command.any() and strapdown.hold(t, self._mission.flight.acceleration_max)):
+        if dt <= TIME_TOLERANCE:
+            return
+        if (dt > FARTHEST or not command.any()) and strapdown.hold(t, self._mission.flight.acceleration_max):
             return
         X = strapdown.X
         x = np.concatenate([X[:3, 4], quaternion(X[:3, :3]), X[:3, 3], strapdown.rate])

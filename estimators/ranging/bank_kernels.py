@@ -138,8 +138,8 @@ def condition_each(
     ``condition``.
 
     ``sensors`` have the declared noise, ``noise`` the estimate of the true one, updated by the best hypothesis, whose
-    outliers are counted. Updates scores, misfits and slips too. Returns the index of the best hypothesis (``best`` if several are equal), its NIS,
-    and the number of rays in the NIS.
+    outliers are counted. Updates scores, misfits and slips too. Returns the index of the best hypothesis (``best`` if
+    several are equal), its NIS, and the number of rays in the NIS.
     """
     score, misfit = bank.score, bank.misfit
     sigma, epsilon = noise_of(noise)

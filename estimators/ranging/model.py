@@ -25,6 +25,7 @@ FROM_WHERE = "from most starts with two rays or more while the robot drives; at 
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"
 _LASTING = 10  # readings in a row beyond the gate
+_MISFIT, _FORGETTING = 2.5, 0.1  # greatest mean of nu^2 / s of rays that fit, and the weight of a reading in it
 
 Flags = NDArray[np.bool_]
 
@@ -107,7 +108,8 @@ class Gate:
     def __init__(self, probability: float, sensors: int, counts: ReadingCounts) -> None:
         """``counts`` gets the rays that are refused."""
         self._limit, self._counts = chi_square_gate(probability), counts
-        self.agrees = True  # no more than half of the rays of the last reading are beyond the gate
+        self._squares = np.full(sensors, np.nan)  # nu^2 / s of the last reading
+        self._misfit = self._limit  # their mean over the last readings, since a gap
         self._beyond = np.zeros(sensors, dtype=int)  # readings in a row
 
     def passes(self, squares: Array) -> Flags:
@@ -117,7 +119,19 @@ class Gate:
         passed: Flags = np.isfinite(squares) & ((self._beyond == 0) | (self._beyond > _LASTING))
         if beyond.any():
             self._counts.add(Unused.OUTLIER, int((beyond & ~passed).sum()))
-            self.agrees = 2 * int(beyond.sum()) <= len(beyond)
-        else:
-            self.agrees = True
+        self._squares = squares
         return passed
+
+    def agrees(self, converged: bool) -> bool:
+        """True if the rays of the last readings fit an estimate, which is not asked of one that has ``converged``.
+
+        They fit if the mean of their nu^2 / s, which an outlier enters with the limit, is no more than ``_MISFIT``.
+        """
+        if converged:
+            self._misfit = self._limit
+            return True
+        read = np.isfinite(self._squares)
+        if read.any():
+            mean = float(np.minimum(self._squares[read], self._limit).mean())
+            self._misfit += _FORGETTING * (mean - self._misfit)
+        return self._misfit <= _MISFIT

@@ -173,6 +173,6 @@ class RangeParticle:
         is_known = weight >= _KNOWN and np.diag(P).max() < self._config.spread**2
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
         figures = {"effective": effective, "particles": float(len(self._w)), "weight": weight}
-        extra = {name: np.array([value]) for name, value in figures.items()} | self._reader.counts.extra
+        extra = {**{name: np.array([value]) for name, value in figures.items()}, **self._reader.counts.extra}
         wanted = "ranges" if is_known else f"more ranges: the heaviest cluster holds {weight:.2f} of the weight"
         return Estimate(t, self._mean[:3].copy(), P, status, extra, waiting(status, wanted))

@@ -91,6 +91,11 @@ class RangeReader:
         """Note the ranges rho (l,) [m] that were used at t [s], and whether they agreed with the estimate."""
         self._ranges.note(t, not np.isnan(rho).all(), agrees)
 
+    @property
+    def converged(self) -> bool:
+        """False from a gap on that was longer than declared until the estimate is OK again."""
+        return self._ranges.converged and self._odometry.converged
+
     def status(self, t: float, covariance: Array | None = None) -> Status:
         """Status at t [s] of an estimate with a ``covariance`` (n, n), or None."""
         return worst(self._ranges.status(t, covariance), self.odometry_status(t, covariance))

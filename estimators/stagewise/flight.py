@@ -53,6 +53,9 @@ class FlightModel:
     def unused(self, measurement: Measurement) -> Unused | None:
         return refused(measurement, "position")
 
+    def restart(self) -> bool:
+        return False
+
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         key = round(h, 10)
         if key not in self._discrete:

@@ -98,3 +98,6 @@ class LagrangianModel:
 
     def unused(self, measurement: Measurement) -> Unused | None:
         return refusal(self._manifold, measurement)
+
+    def restart(self) -> bool:
+        return True

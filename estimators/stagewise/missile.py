@@ -45,6 +45,7 @@ class MissileModel:
         self._input_of = disturbing_input(mission.coordinates)
         self._input_max = np.array(mission.input_max)
         self._history = InputHistory(mission.input_delay, self._inputs)
+        self._is_known = True  # where the missile starts
 
     @staticmethod
     def from_config(config: MissileKalmanConfig, mission: MissileMission) -> MissileModel:
@@ -63,9 +64,15 @@ class MissileModel:
         exact = np.zeros(coordinates.state_size)
         return MissileModel(mission, acting, gust.time_constant, exact, mission.noise.deviations(coordinates))
 
-    def start(self, reading: Array | None) -> tuple[Array, Array]:
-        x = np.concatenate([self._mission.start_state, np.zeros(self._inputs)])
-        return x, np.diag(np.square(np.concatenate([self._start, self._disturbance])))
+    def start(self, reading: Array | None) -> tuple[Array, Array] | None:
+        if self._is_known:
+            state, deviation = self._mission.start_state, self._start
+        elif reading is None:
+            return None
+        else:
+            state, deviation = reading, self._reading
+        x = np.concatenate([state, np.zeros(self._inputs)])
+        return x, np.diag(np.square(np.concatenate([deviation, self._disturbance])))
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         self._history.note(begin, np.clip(command, -self._input_max, self._input_max))
@@ -82,6 +89,10 @@ class MissileModel:
 
     def unused(self, measurement: Measurement) -> Unused | None:
         return refused(measurement, "full_state")
+
+    def restart(self) -> bool:
+        self._is_known = False
+        return True
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         after, F = (np.array(made) for made in self._step(x, u, h))

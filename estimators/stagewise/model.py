@@ -80,6 +80,10 @@ class CountedModel(StagewiseModel, Protocol):
         """Reason why a measurement is not used; None for one that is."""
         ...
 
+    def restart(self) -> bool:
+        """Start at the next reading, wherever the vehicle has gone since the last; False if the model cannot."""
+        ...
+
 
 def refused(measurement: Measurement, sensor: str) -> Unused | None:
     """Reason why a measurement is not one of a ``sensor``; None for one that is."""

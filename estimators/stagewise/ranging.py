@@ -49,6 +49,9 @@ class RangingModel:
         """Return None: a ``RangeReader`` counts rays."""
         return None
 
+    def restart(self) -> bool:
+        return False
+
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         v = (1.0 - x[3]) * u
         F_pose, G = integrate_jacobians(x[:3], v[0], v[1], h)

@@ -62,6 +62,7 @@ def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
 
 
 _POINTS = 4  # that the polynomial goes through
+_DEVIATIONS, _OFF = 6.0, 0.02  # of a reading, and share of the last readings, that an output is off at most
 _TIME_CONSTANTS = 3.0  # of the slowest error, in which it is down to a twentieth
 
 
@@ -75,13 +76,17 @@ class SampledObserver:
         self.period = mission.period
         settling = max(timeout, _TIME_CONSTANTS / slowest) if slowest > 0.0 else math.inf
         self._law, self._system = law, mission.system
-        self._timeout_monitor, self._counts = TimeoutMonitor(timeout, mission.period, settling=settling), ReadingCounts()
+        self._timeout_monitor, self._counts = (
+            TimeoutMonitor(timeout, mission.period, settling=settling),
+            ReadingCounts(),
+        )
         self._flow = _flow(law, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
         self._t: float | None = None  # [s] of z; None before the first call
         self._readings: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (time [s], y (m,))
         self._followed = True  # z has not escaped, and Phi has found an x^ for it
+        self._tolerance, self._agrees = _DEVIATIONS * mission.noise, True  # x^ fits the last reading, since a gap
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
@@ -97,12 +102,23 @@ class SampledObserver:
                 self._counts.add(Unused.LATE)
             else:
                 self._readings.append((reading.t, np.array(reading.value)))
-                self._timeout_monitor.note(reading.t, agrees=self._followed)
+                self._timeout_monitor.note(reading.t, agrees=self._agrees)
         if self._t is not None and t > self._t:
             self._advance(self._t, t - self._t, command)
         self._t = t
+        if not self._timeout_monitor.converged:
+            self._agrees = self._followed and self._fits(command)
         status, extra = self._status(t), {"z": self._z.copy(), **self._counts.extra}
         return Estimate(t, self._x.copy(), None, status, extra, waiting(status, "a reading of output"))
+
+    def _fits(self, u: Array) -> bool:
+        """True if the last reading is near the output of x^, with u (p,) held."""
+        y = self._readings[-1][1]
+        off, largest = (
+            np.abs(y - self._system.output(self._x, u)),
+            max(np.abs(each).max() for _, each in self._readings),
+        )
+        return bool((off <= self._tolerance + _OFF * largest).all())
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """Advance from the time ``begin`` [s] by h [s] with u (p,) held."""

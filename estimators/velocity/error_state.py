@@ -38,7 +38,6 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 
-
 _STEP = 1e-6  # of an error, in its unit, of the difference that stands for a derivative
 
 

@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter, PositionReader, SpeedGate, innovation
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
@@ -27,9 +27,6 @@ from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
-
-FARTHEST = 60.0
-"""longest time [s] over which a motion is predicted at once: from further away nothing follows"""
 TIME_CONSTANTS = 10.0
 """number of the time constants 1 / omega of a multiple pole in which an error is down to a thousandth, or nearly"""
 

@@ -47,6 +47,7 @@ def missile_bound(recording: Recording, name: str, mission: MissileMission) -> P
     inputs = [model.inputs(float(t[k]), float(t[k + 1]), (), commands[k]) for k in range(n - 1)]
     weighted = [_of_state(model, *row) for row in zip(x, readings[:n], strict=True)]
     start = model.start(None)
+    assert start is not None
     deviation = bound_along(model, x, inputs, weighted, BoundRecursion(covariance=start[1]))
     judged = tuple(k for k, state in enumerate(coordinates.states) if state in ("x_e", "y_e", "z_e"))
     return judged_bound(deviation[:, : coordinates.state_size], judged, "the position")

@@ -281,7 +281,9 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
 
 
 def _commands(log: SensorLog, mission: Any) -> Array:
-    """Return the input (n, nu) held until each time, zero before the first; nu = 0 if neither log nor mission has one.
+    """Return the input (n, nu) held until each time, zero before the first.
+
+    Without inputs in the log it is zero throughout, and of no length if the mission has no ``input_size`` either.
     """
     count: int | None = getattr(mission, "input_size", None)
     if log.inputs is None:

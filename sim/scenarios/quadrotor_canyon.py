@@ -39,7 +39,7 @@ from mathnavi.controllers.quadrotor.similarity import Similarity
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
-from mathnavi.interfaces.signals import Array, Plan, Status
+from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model

@@ -26,6 +26,7 @@ import pytest
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
 from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Estimator, EstimatorPlugin, StateView
+from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
@@ -564,7 +565,9 @@ def same(one: Estimate, other: Estimate) -> bool:
 
 def test_before_its_first_reading_it_is_initialising(estimator: Estimator, flight: list[Step]) -> None:
     for step in flight[:10]:
-        assert estimator.update(step.t, (), step.command).status is Status.INITIALISING
+        estimate = estimator.update(step.t, (), step.command)
+        assert estimate.status is Status.INITIALISING
+        assert estimate.message.startswith("waits ")
 
 
 def scribbled(estimator: Estimator, steps: Sequence[Step]) -> Iterator[Estimate]:
@@ -589,6 +592,7 @@ def test_the_same_readings_give_the_same_estimates_until_they_are_missing_which_
     ]
     assert differing == []
     assert fed[-1].status is Status.OK
+    assert fed[-1].extra[Unused.UNKNOWN_SENSOR.key][0] == middle
     starved = [estimator.update(step.t, (), step.command) for step in flight[middle:]]
     assert np.isfinite([estimate.x for estimate in starved]).all()
     assert starved[-1].status is Status.LOST
@@ -600,6 +604,61 @@ def test_it_finds_back_when_the_readings_come_back(estimator: Estimator, flight:
     *_, (last, estimate) = replay(estimator, [*flight[:third], *gap, *flight[third + sixth :]])
     assert estimate.status is Status.OK
     assert np.all(bench.error(estimate, last) <= bench.tolerance)
+
+
+def later(step: Step, seconds: float) -> Step:
+    """The same call and readings, so much later."""
+    measurements = tuple(dataclasses.replace(each, t=each.t + seconds) for each in step.measurements)
+    return dataclasses.replace(step, t=step.t + seconds, measurements=measurements)
+
+
+@pytest.mark.honoured("sensor log", "gap longer than declared")
+def test_after_an_hour_without_readings_it_is_ok_only_where_it_is_right(
+    estimator: Estimator, flight: list[Step], bench: Bench
+) -> None:
+    third, sixth = len(flight) // 3, len(flight) // 6
+    answers = list(replay(estimator, [*flight[:third], *(later(step, 3600.0) for step in flight[third:][:sixth])]))
+    assert all(np.isfinite(estimate.x).all() for _, estimate in answers)
+    wrong = [
+        step.t
+        for step, estimate in answers[third:]
+        if estimate.status is Status.OK and not np.all(bench.error(estimate, step) <= bench.tolerance)
+    ]
+    assert wrong == []
+
+
+def test_it_is_not_ok_while_one_of_several_sensors_has_been_missing_for_longer_than_declared(
+    plugin: type[EstimatorPlugin], flight: list[Step], bench: Bench
+) -> None:
+    config = plugin.Config()
+    names = [sensor.name for sensor in plugin.sensors(config, bench.mission)]
+    if len(names) == 1:
+        pytest.skip("it has one sensor")
+    short = {field.name: 0.2 for field in dataclasses.fields(config) if field.name in ("timeout", "imu_gap")}
+    third = len(flight) // 3
+    end = next(k for k, step in enumerate(flight) if step.t > flight[third].t + (0.3 if short else 0.6))
+    for name in names:
+        without = [
+            dataclasses.replace(step, measurements=tuple(each for each in step.measurements if each.name != name))
+            for step in flight[third:end]
+        ]
+        estimator = plugin.build(dataclasses.replace(config, **short), bench.mission)
+        statuses = [each.status for _, each in replay(estimator, [*flight[:third], *without, flight[end]])]
+        assert Status.OK not in statuses[end - 1 :], name
+
+
+def test_a_reading_that_is_not_finite_is_counted_and_not_used(estimator: Estimator, flight: list[Step]) -> None:
+    third = len(flight) // 3
+    broken = [
+        dataclasses.replace(
+            step,
+            measurements=tuple(dataclasses.replace(m, value=np.full(len(m.value), np.inf)) for m in step.measurements),
+        )
+        for step in flight[third:][:5]
+    ]
+    *_, (_, estimate) = replay(estimator, [*flight[:third], *broken])
+    assert np.isfinite(estimate.x).all()
+    assert estimate.extra[Unused.NOT_FINITE.key][0] >= sum(len(step.measurements) for step in broken)
 
 
 def test_it_converges_on_a_simulated_vehicle(estimates: Sequence[Estimate], flight: list[Step], bench: Bench) -> None:

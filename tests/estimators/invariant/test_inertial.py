@@ -123,7 +123,7 @@ def test_it_is_as_good_as_it_says() -> None:
     assert np.mean(values) == pytest.approx(6.0, abs=3.0 * math.sqrt(12.0 / len(values)))
 
 
-def test_without_the_imu_the_declared_motion_goes_on_and_the_estimate_is_lost_in_the_end() -> None:
+def test_without_the_imu_the_declared_motion_goes_on_and_the_estimate_is_degraded_and_without_fixes_lost() -> None:
     estimator, x = InertialIekf.build(CONFIG, MISSION), MISSION.start_state
     u = np.full(4, NOMINAL.hover_thrust) + np.array([0.01, -0.01, -0.01, 0.01])
     level = Measurement("imu", 0.0, np.array([0.0, 0.0, 0.0, 0.0, 0.0, G]))
@@ -136,7 +136,9 @@ def test_without_the_imu_the_declared_motion_goes_on_and_the_estimate_is_lost_in
     assert after.covariance is not None
     assert np.all(np.diag(after.covariance) > np.diag(first.covariance))
     assert first.status is after.status is Status.OK
-    assert estimator.update(1.2, [Measurement("position", 1.2, after.x[:3])], u).status is Status.LOST
+    fix = Measurement("position", 1.0, MISSION.flow(x, u, 1.0)[:3])
+    assert estimator.update(1.0, [fix], u).status is Status.DEGRADED
+    assert estimator.update(2.1, [], u).status is Status.LOST
 
 
 def test_a_fix_that_is_an_outlier_is_refused() -> None:

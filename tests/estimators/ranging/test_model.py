@@ -14,7 +14,7 @@ from mathnavi.estimators.ranging.model import (
     RangeModel,
     chi_square_gate,
 )
-from mathnavi.interfaces.signals import Measurement
+from mathnavi.interfaces.reading_counts import ReadingCounts
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
@@ -47,15 +47,6 @@ def test_variances_of_what_does_not_err_are_small_and_not_nought() -> None:
     assert 0.0 < model.range_variance(np.ones(1))[0] < 1e-6
     assert (model.W > 0.0).all()
     assert (model.W < 1e-9).all()
-
-
-def test_readings_are_measured_by_the_wall_and_by_what_the_robot_can_do() -> None:
-    model, longest = RangeModel(dataclasses.replace(MISSION, speed_max=0.2)), 2.0 * 3.763
-    rho = model.ranges([Measurement("ranges", 0.0, np.array([1.9 * longest, 2.1 * longest]))])
-    np.testing.assert_array_equal(rho, [1.9 * longest, np.nan])
-    command = np.zeros(2)
-    np.testing.assert_array_equal(model.input([Measurement("odometry", 0.0, np.array([1.5, 1.5]))], command), [1.5] * 2)
-    np.testing.assert_array_equal(model.input([Measurement("odometry", 0.0, np.array([2.5, 1.5]))], command), command)
 
 
 # ---- the start
@@ -118,21 +109,33 @@ def test_a_good_ray_is_refused_with_the_probability_of_the_gate() -> None:
         assert erfc(math.sqrt(chi_square_gate(probability) / 2.0)) == pytest.approx(probability, rel=1e-9)
 
 
-def test_rays_within_the_gate_pass_and_single_ones_beyond_do_not() -> None:
-    gate = Gate(1e-4, 3)
+def test_rays_within_the_gate_pass_and_single_ones_beyond_do_not_and_are_counted() -> None:
+    counts = ReadingCounts()
+    gate = Gate(1e-4, 3, counts)
     assert passed(gate, 0.0, 0.99 * LIMIT, 1.01 * LIMIT) == [True, True, False]
-    assert passed(gate, 0.0, 1.01 * LIMIT, 0.0) == [True, False, True]
+    assert passed(gate, math.nan, 1.01 * LIMIT, 0.0) == [False, False, True]
+    assert counts.extra["unused_outlier"] == 2.0
+
+
+def test_after_a_gap_rays_agree_once_they_fit_in_the_mean() -> None:
+    """One of twenty that is an outlier does not matter; rays that are three deviations off do not fit."""
+    gate = Gate(1e-4, 1, ReadingCounts())
+    gate.agrees(converged=True)
+    agreed = [passed(gate, 2.0 * LIMIT if k % 20 == 19 else 1.0)[0] and gate.agrees(converged=False) for k in range(60)]
+    assert not any(agreed[:15])
+    assert sum(agreed[30:]) > 25
+    assert not any(passed(gate, 9.0)[0] and gate.agrees(converged=False) for _ in range(40)[20:])
 
 
 def test_what_lasts_passes_after_ten_readings_each_ray_by_itself() -> None:
-    gate = Gate(1e-4, 2)
+    gate = Gate(1e-4, 2, ReadingCounts())
     seen = [passed(gate, 2.0 * LIMIT, 0.0) for _ in range(13)]
     assert [first for first, _ in seen] == [False] * 10 + [True] * 3
     assert all(second for _, second in seen)
 
 
 def test_one_good_reading_and_the_gate_is_shut_again() -> None:
-    gate = Gate(1e-4, 1)
+    gate = Gate(1e-4, 1, ReadingCounts())
     for _ in range(9):
         assert passed(gate, 2.0 * LIMIT) == [False]
     assert passed(gate, 0.5 * LIMIT) == [True]
@@ -140,7 +143,7 @@ def test_one_good_reading_and_the_gate_is_shut_again() -> None:
 
 
 def test_a_lost_ray_does_not_pass_and_neither_counts_nor_shuts_the_gate() -> None:
-    gate = Gate(1e-4, 1)
+    gate = Gate(1e-4, 1, ReadingCounts())
     assert passed(gate, math.nan) == [False]
     for _ in range(10):
         assert passed(gate, 2.0 * LIMIT) == [False]
@@ -149,5 +152,5 @@ def test_a_lost_ray_does_not_pass_and_neither_counts_nor_shuts_the_gate() -> Non
 
 
 def test_what_is_infinite_never_passes() -> None:
-    gate = Gate(1e-4, 1)
+    gate = Gate(1e-4, 1, ReadingCounts())
     assert not any(passed(gate, math.inf)[0] for _ in range(30))

@@ -1,4 +1,4 @@
-"""Malformed measurements are not taken for readings."""
+"""Malformed measurements are not taken for readings, and are counted with the reason."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.model import measured_input, usable_ranges
-from mathnavi.interfaces.signals import Measurement
+from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.interfaces.reading_counts import unused_in
+from mathnavi.interfaces.signals import Array, Measurement, Status
+from mathnavi.models.unicycle.mission import RangingMission
+from tests.estimators.ranging.walls import FIELD
 
-LONGEST = 7.5
-LIMITS, COMMAND = np.array([1.0, 2.0]), np.array([0.3, -0.2])
+MISSION, COMMAND = RangingMission(FIELD, (-1.0, 1.0), speed_max=1.0, turn_rate_max=2.0), np.array([0.3, -0.2])
+LONGEST = MISSION.sensors_carried()[0].longest
 
 
 def ranges(*values: float) -> Measurement:
@@ -22,60 +25,92 @@ def odometry(*values: float) -> Measurement:
     return Measurement("odometry", 0.0, np.array(values))
 
 
+def read(*measurements: Measurement) -> tuple[Array, Array, dict[str, int] | None]:
+    reader = RangeReader(MISSION, 0.5)
+    rho, u = reader.read(0.0, measurements, COMMAND)
+    return rho, u, unused_in(reader.counts.extra)
+
+
 @pytest.mark.parametrize(
-    ("value", "usable"),
+    ("value", "usable", "counted"),
     [
-        (1e-9, True),
-        (LONGEST, True),
-        (1.5 * LONGEST, True),
-        (2.1 * LONGEST, False),
-        (0.0, False),
-        (-1.0, False),
-        (math.nan, False),
-        (math.inf, False),
+        (1e-9, True, {}),
+        (1.9 * LONGEST, True, {}),
+        (2.1 * LONGEST, False, {"out of range": 1}),
+        (0.0, False, {"out of range": 1}),
+        (-1.0, False, {"out of range": 1}),
+        pytest.param(math.nan, False, {}, marks=pytest.mark.honoured("sensor log", "range that was lost (NaN)")),
+        pytest.param(
+            math.inf, False, {"not finite": 1}, marks=pytest.mark.refused("sensor log", "range without an echo (inf)")
+        ),
     ],
 )
-def test_a_range_may_be_as_long_as_noise_makes_the_longest(value: float, usable: bool) -> None:
-    assert np.isfinite(usable_ranges([ranges(value)], 1, LONGEST)[0]) == usable
+def test_a_range_may_be_as_long_as_noise_makes_the_longest(value: float, usable: bool, counted: dict[str, int]) -> None:
+    rho, _, unused = read(ranges(value, 1.0))
+    assert (bool(np.isfinite(rho[0])), rho[1], unused) == (usable, 1.0, counted)
 
 
-def test_without_a_reading_every_ray_is_lost() -> None:
-    np.testing.assert_array_equal(usable_ranges([odometry(0.1, 0.2)], 2, LONGEST), [np.nan, np.nan])
-    np.testing.assert_array_equal(usable_ranges([], 2, LONGEST), [np.nan, np.nan])
+def test_without_a_reading_every_ray_is_lost_and_the_input_is_the_command() -> None:
+    for measurements in ((), (odometry(0.1, 0.2),)):
+        rho, u, unused = read(*measurements)
+        np.testing.assert_array_equal(rho, [np.nan, np.nan])
+        np.testing.assert_array_equal(u, [0.1, 0.2] if measurements else COMMAND)
+        assert unused == {}
 
 
-def test_ranges_are_distinguished_from_odometry_by_their_name() -> None:
-    np.testing.assert_array_equal(usable_ranges([odometry(3.0, 4.0), ranges(1.0, 2.0)], 2, LONGEST), [1.0, 2.0])
+def test_readings_are_distinguished_by_their_name_and_of_several_the_newest_ranges_are_used() -> None:
+    stranger = Measurement("sonar", 0.0, np.array([3.0, 4.0]))
+    rho, u, unused = read(odometry(0.1, 0.2), stranger, ranges(3.0, math.nan), ranges(1.0, 2.0))
+    np.testing.assert_array_equal((rho, u), [[1.0, 2.0], [0.1, 0.2]])
+    assert unused == {"late": 1, "unknown sensor": 1}
 
 
 def test_a_reading_is_not_changed() -> None:
     reading = ranges(1.0, -1.0)
-    usable_ranges([reading], 2, LONGEST)
+    read(reading)
     np.testing.assert_array_equal(reading.value, [1.0, -1.0])
 
 
 @pytest.mark.parametrize("values", [(1.0,), (1.0, 2.0, 3.0)])
 def test_a_reading_of_another_length_is_refused(values: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match=r"ranges has shape .*; allowed: \(2,\)"):
-        usable_ranges([ranges(*values)], 2, LONGEST)
-
-
-def test_the_input_is_what_odometry_says_and_the_command_where_it_says_nothing() -> None:
-    np.testing.assert_array_equal(measured_input([ranges(1.0, 2.0), odometry(0.1, 0.2)], COMMAND, LIMITS), [0.1, 0.2])
-    np.testing.assert_array_equal(measured_input([ranges(0.1, 0.2)], COMMAND, LIMITS), COMMAND)
-    np.testing.assert_array_equal(measured_input([], COMMAND, LIMITS), COMMAND)
+        read(ranges(*values))
 
 
 @pytest.mark.parametrize(
-    ("u", "possible"),
+    ("u", "counted"),
     [
-        ((-1.2, 2.4), True),
-        ((5.0, 0.0), True),
-        ((-100.0, 0.0), False),
-        ((0.0, 100.0), False),
-        ((math.nan, 0.0), False),
-        ((0.0, -math.inf), False),
+        ((-1.2, 2.4), {}),
+        ((5.0, 0.0), {}),
+        pytest.param(
+            (-100.0, 0.0),
+            {"out of range": 1},
+            marks=pytest.mark.refused("sensor log", "odometry far beyond the declared maximum"),
+        ),
+        ((0.0, 100.0), {"out of range": 1}),
+        ((math.nan, 0.0), {"not finite": 1}),
+        ((0.0, -math.inf), {"not finite": 1}),
     ],
 )
-def test_what_is_a_little_too_fast_is_believed(u: tuple[float, float], possible: bool) -> None:
-    np.testing.assert_array_equal(measured_input([odometry(*u)], COMMAND, LIMITS), u if possible else COMMAND)
+def test_what_is_a_little_too_fast_is_believed(u: tuple[float, float], counted: dict[str, int]) -> None:
+    _, used, unused = read(odometry(*u))
+    np.testing.assert_array_equal(used, COMMAND if counted else u)
+    assert unused == counted
+
+
+def test_without_odometry_for_longer_than_declared_the_estimate_is_degraded_and_without_ranges_lost() -> None:
+    reader = RangeReader(MISSION, 0.5)
+
+    def status(t: float, *measurements: Measurement) -> Status:
+        rho, _ = reader.read(t, measurements, COMMAND)
+        reader.note(t, rho)
+        return reader.status(t)
+
+    assert status(0.0) is Status.INITIALISING
+    assert status(0.1, ranges(1.0, 1.0)) is Status.OK, "a robot may have no odometry"
+    assert status(0.2, ranges(1.0, 1.0), odometry(0.0, 0.0)) is Status.OK
+    assert status(0.6, ranges(1.0, 1.0)) is Status.OK
+    assert status(0.8, ranges(1.0, 1.0)) is Status.DEGRADED
+    assert status(0.9, ranges(1.0, 1.0), odometry(0.0, 0.0)) is Status.DEGRADED, "it has to converge again"
+    assert status(1.4, ranges(1.0, 1.0), odometry(0.0, 0.0)) is Status.OK
+    assert status(2.0, odometry(0.0, 0.0)) is Status.LOST

@@ -128,12 +128,13 @@ def test_a_system_that_it_is_not_made_for_is_refused(plugin: type, system: Syste
 def test_lost_readings_are_bridged_by_a_copy_of_the_system() -> None:
     observer = Example22.build(Example22Config(), mission(EXAMPLE_2_2, (0.0, 0.0, 0.0)))
     given = [
-        replace(step, measurements=() if 1.0 < step.t < 2.0 else step.measurements) for step in steps(EXAMPLE_2_2, 3.0)
+        replace(step, measurements=() if 1.0 < step.t < 2.0 else step.measurements) for step in steps(EXAMPLE_2_2, 3.6)
     ]
     estimates = replayed(observer, given)
     assert max(np.abs(e.x - s.truth).max() for e, s in zip(estimates, given, strict=True)) < 1e-4
     assert {e.status for e, s in zip(estimates, given, strict=True) if 1.55 < s.t < 1.95} == {Status.LOST}
-    assert estimates[-1].status is Status.OK
+    after = [e.status for e, s in zip(estimates, given, strict=True) if s.t > 1.995]
+    assert [after[0], after[140], after[-1]] == [Status.DEGRADED, Status.DEGRADED, Status.OK], "1.5 s, 3 / alpha"
 
 
 def test_an_observer_that_leaves_every_bound_is_lost_and_finite() -> None:

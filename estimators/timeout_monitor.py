@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -18,6 +20,7 @@ FARTHEST = 60.0
 """longest time [s] over which a motion is predicted in one step: nothing follows from a state that is older"""
 
 _WIDER = 1.5**2  # of a variance
+_MISFIT, _FORGETTING = 2.5, 0.1  # greatest mean of squared innovations that fit, and the weight of a reading in it
 _INTERVALS = 2.1  # between readings, one of which was lost, with some jitter
 _WORST_FIRST = (Status.INITIALISING, Status.LOST, Status.DEGRADED)
 
@@ -74,6 +77,27 @@ class TimeoutMonitor:
         if covariance is None or self._variances is None:
             return False
         return not bool((covariance.diagonal() <= _WIDER * self._variances).all())
+
+
+class InnovationMean:
+    """Mean of the normalised squared innovations of the last readings, for each of their components, since a gap.
+
+    It is one for a consistent filter; a filter whose state is wrong, and whose covariance is not, has a greater one.
+    """
+
+    def __init__(self, most: float) -> None:
+        """``most`` is the greatest square of a component that counts, so that an outlier does not decide."""
+        self._most = most
+        self._mean = most
+
+    def fits(self, squares: Array, converged: bool) -> bool:
+        """Take the squares (k,) of a reading; True if the mean fits, which is not asked while there is no gap."""
+        if converged:
+            self._mean = self._most
+            return True
+        if len(squares):
+            self._mean += _FORGETTING * (float(np.minimum(squares, self._most).mean()) - self._mean)
+        return self._mean <= _MISFIT
 
 
 def worst(*statuses: Status) -> Status:

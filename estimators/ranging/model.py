@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within, within
+from mathnavi.estimators.timeout_monitor import InnovationMean
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
@@ -25,7 +26,6 @@ FROM_WHERE = "from most starts with two rays or more while the robot drives; at 
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"
 _LASTING = 10  # readings in a row beyond the gate
-_MISFIT, _FORGETTING = 2.5, 0.1  # greatest mean of nu^2 / s of rays that fit, and the weight of a reading in it
 
 Flags = NDArray[np.bool_]
 
@@ -109,7 +109,7 @@ class Gate:
         """``counts`` gets the rays that are refused."""
         self._limit, self._counts = chi_square_gate(probability), counts
         self._squares = np.full(sensors, np.nan)  # nu^2 / s of the last reading
-        self._misfit = self._limit  # their mean over the last readings, since a gap
+        self._innovations = InnovationMean(self._limit)
         self._beyond = np.zeros(sensors, dtype=int)  # readings in a row
 
     def passes(self, squares: Array) -> Flags:
@@ -123,15 +123,5 @@ class Gate:
         return passed
 
     def agrees(self, converged: bool) -> bool:
-        """True if the rays of the last readings fit an estimate, which is not asked of one that has ``converged``.
-
-        They fit if the mean of their nu^2 / s, which an outlier enters with the limit, is no more than ``_MISFIT``.
-        """
-        if converged:
-            self._misfit = self._limit
-            return True
-        read = np.isfinite(self._squares)
-        if read.any():
-            mean = float(np.minimum(self._squares[read], self._limit).mean())
-            self._misfit += _FORGETTING * (mean - self._misfit)
-        return self._misfit <= _MISFIT
+        """True if the rays of the last readings fit an estimate, which is not asked of one that has ``converged``."""
+        return self._innovations.fits(self._squares[np.isfinite(self._squares)], converged)

@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, time_ahead, waiting
 from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -28,6 +28,7 @@ from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
+_MOST = 1e3  # normalised square of an innovation that counts
 _SETTLED = 1e-10  # change of the estimate below which a linearisation is kept
 
 
@@ -62,7 +63,7 @@ class TextbookEkf:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._timeout_monitor = TimeoutMonitor(config.timeout, mission.period)
         self._followed = True  # the last step was taken
-        self._counts = ReadingCounts()
+        self._counts, self._innovations = ReadingCounts(), InnovationMean(_MOST)
 
     @staticmethod
     def build(config: TextbookEkfConfig, mission: TextbookMission) -> TextbookEkf:
@@ -141,7 +142,9 @@ class TextbookEkf:
             at, before = self._filter.x, at
             if float(np.abs(at - before).max()) < _SETTLED:
                 break
-        self._timeout_monitor.note(reading.t)
+        y, monitor = self._filter.y, self._timeout_monitor
+        squares = np.full(len(y), y @ self._filter.SI @ y / len(y))
+        monitor.note(reading.t, agrees=self._innovations.fits(squares, monitor.converged))
 
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Output h(x, u) (m,) and its Jacobian (m, n)."""

@@ -171,8 +171,7 @@ class EstimateHistory:
 
         Of an estimator that does not count, only the latter.
         """
-        last = {key: values[-1:].ravel()[-1:] for key, values in self.extra.items()}
-        counts = unused_in(last) or {}
+        counts = unused_in(self._last_extra) or {}
         unknown = Unused.UNKNOWN_SENSOR.value
         unread = counts.get(unknown, 0) + sum(self.unread.values())
         return counts | ({unknown: unread} if unread else {})
@@ -183,6 +182,10 @@ class EstimateHistory:
         deviations: Array = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
         return deviations
 
+    @property
+    def _last_extra(self) -> dict[str, Array]:
+        return {key: values[-1] for key, values in self.extra.items()}
+
     def _table(self) -> tuple[str, list[tuple[str, str, str]]]:
         rows = [
             ("ok", f"{int(self.ok.sum())} of {len(self.t)}", ""),
@@ -192,7 +195,10 @@ class EstimateHistory:
         ]
         if np.isfinite(self.deviation[-1]).all():
             rows.append(("last deviation", vector_text(self.deviation[-1], 2), ""))
-        rows += [("readings not used", unused_text(self.unused), "")] if self.unused else []
+        if counts := unused_in(self._last_extra):
+            rows.append(("readings not used", unused_text(counts), ""))
+        if self.unread:
+            rows.append(("not read", ", ".join(f"{count} of {name}" for name, count in self.unread.items()), ""))
         return f"{self.method} from {self.t[0]:.6g} to {self.t[-1]:.6g} s", rows
 
     def __repr__(self) -> str:

@@ -118,13 +118,19 @@ def test_rays_within_the_gate_pass_and_single_ones_beyond_do_not_and_are_counted
 
 
 def test_after_a_gap_rays_agree_once_they_fit_in_the_mean() -> None:
-    """One of twenty that is an outlier does not matter; rays that are three deviations off do not fit."""
-    gate = Gate(1e-4, 1, ReadingCounts())
-    gate.agrees(converged=True)
-    agreed = [passed(gate, 2.0 * LIMIT if k % 20 == 19 else 1.0)[0] and gate.agrees(converged=False) for k in range(60)]
-    assert not any(agreed[:15])
-    assert sum(agreed[30:]) > 25
-    assert not any(passed(gate, 9.0)[0] and gate.agrees(converged=False) for _ in range(40)[20:])
+    """One of four that is an outlier does not matter once in ten readings; three deviations are too much."""
+
+    def agreed(*squares: float) -> bool:
+        gate.passes(np.array(squares))
+        return gate.agrees(converged=False)
+
+    gate = Gate(1e-4, 4, ReadingCounts())
+    gate.passes(np.ones(4))
+    assert gate.agrees(converged=True)
+    fitting = [agreed(1.0, 1.0, math.nan, 2.0 * LIMIT if k % 10 == 9 else 1.0) for k in range(60)]
+    assert not any(fitting[:15])
+    assert all(fitting[40:])
+    assert not any([agreed(9.0, 9.0, 9.0, 9.0) for _ in range(40)][10:])
 
 
 def test_what_lasts_passes_after_ten_readings_each_ray_by_itself() -> None:

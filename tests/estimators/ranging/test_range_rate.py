@@ -25,30 +25,37 @@ def test_a_polynomial_of_its_order_is_found_again(window: int, order: int, seed:
     order = min(order, window - 1)
     a, tau = np.random.default_rng(seed).uniform(-3.0, 3.0, order + 1), np.linspace(-1.0, 1.0, window)
     found = centre_fit(np.polynomial.polynomial.polyval(tau, a), savitzky_golay(window, order))
-    np.testing.assert_allclose(found, a[:2], atol=1e-9)
+    np.testing.assert_allclose(found[:2], a[:2], atol=1e-9)
+    assert not found[2]
 
 
 @given(st.integers(1, 4), st.integers(0, 2**32 - 1))
 @settings(max_examples=30, deadline=None)
-def test_so_it_is_where_readings_are_missing_or_outliers(order: int, seed: int) -> None:
+def test_so_it_is_where_readings_are_missing_or_outliers_of_which_the_one_at_the_centre_is_told(
+    order: int, seed: int
+) -> None:
     rng, tau = np.random.default_rng(seed), np.linspace(-1.0, 1.0, 101)
     a = rng.uniform(-3.0, 3.0, order + 1)
     samples = np.polynomial.polynomial.polyval(tau, a)
     samples[rng.random(101) < 0.2] = np.nan
     there = np.flatnonzero(np.isfinite(samples))
-    samples[rng.choice(there, 3, replace=False)] += 5.0
-    np.testing.assert_allclose(centre_fit(samples, savitzky_golay(101, order)), a[:2], atol=1e-6)
+    wrong = rng.choice(there, 3, replace=False)
+    samples[wrong] += 5.0
+    *found, refused = centre_fit(samples, savitzky_golay(101, order))
+    np.testing.assert_allclose(found, a[:2], atol=1e-6)
+    assert refused == (50 in wrong)
+    assert measured(samples[:, None], savitzky_golay(101, order), DT)[2, 0] == refused
 
 
 def test_of_half_a_window_nothing_is_made() -> None:
     samples = np.linspace(1.0, 2.0, 101)
     samples[60:] = np.nan
-    assert np.isnan(centre_fit(samples, savitzky_golay(101, 1))).all()
+    assert np.isnan(centre_fit(samples, savitzky_golay(101, 1))[:2]).all()
     ranges = np.stack([samples, np.linspace(1.0, 2.0, 101)], axis=1)
     readings = measured(ranges, savitzky_golay(101, 1), DT)
     assert readings[0, 0] == samples[50]  # as it was read
     assert np.isnan(readings[1, 0])
-    np.testing.assert_allclose(readings[:, 1], [1.5, 1.0])
+    np.testing.assert_allclose(readings[:, 1], [1.5, 1.0, 0.0])
 
 
 def test_noise_is_averaged_as_least_squares_say() -> None:
@@ -84,7 +91,7 @@ def test_a_robot_that_is_elsewhere_sees_it_in_the_innovation() -> None:
     ranges = np.array([FIELD.ranges(pose, ALPHA)[0] for pose in poses])
     supposed = poses[50] + np.array([0.05, 0.03, 0.03])
     fit = (savitzky_golay(101, 3), spread(101), DT)
-    rho, rho_dot = innovated(ranges, inputs, inputs[0], fit, FIELD.wall, ALPHA, supposed)
+    rho, rho_dot, _ = innovated(ranges, inputs, inputs[0], fit, FIELD.wall, ALPHA, supposed)
     h = 1e-4
     ahead, behind = (FIELD.ranges(integrate(poses[50], *inputs[0], way), ALPHA)[0] for way in (h, -h))
     np.testing.assert_allclose(rho, ranges[50], rtol=0, atol=1e-2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.interfaces.bounds import configuration
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Estimate, Status
 
 WALL, ANGLES, DT = mn.ellipse(3.0, 2.0), (0.0, 1.5), 0.05
 MISSION = mn.RangingMission(
@@ -155,7 +156,62 @@ def test_a_plugin_with_fields_is_a_method_too() -> None:
     found = mn.estimate(
         mn.plugin("range_iekf", timeout=0.01), MISSION, good(t=T + np.where(np.arange(60) > 30, 1.0, 0.0))
     )
-    assert found.ok.all()
+    assert found.ok[:31].all()
+    assert found.status[31] is Status.DEGRADED, "a second without a reading is longer than declared"
+    assert found.usable.all()
+
+
+@pytest.mark.honoured("sensor log", "readings that are not used")
+def test_readings_that_are_not_used_are_counted_by_reason_and_said() -> None:
+    _, _, ranges, u = driven()
+    ranges[5, 1], ranges[6] = 50.0, ranges[6] + 1.5
+    u[8], u[9] = 100.0, 100.0
+    readings = {"ranges": ranges, "odometry": u, "sonar": u[:, :1]}
+    found = mn.estimate("range_iekf", MISSION, good(readings=readings, inputs=U))
+    assert found.unused == {"outlier": 2, "out of range": 3, "unknown sensor": 60}
+    np.testing.assert_array_equal(found.extra["unused_out_of_range"][[4, 5, 7, 8, 9], 0], [0, 1, 1, 2, 3])
+    assert "readings not used  2 outlier, 3 out of range" in repr(found)
+    assert "60 of sonar" in found._repr_html_()
+    assert "not used" not in repr(mn.estimate("range_iekf", MISSION, good()))
+
+
+def test_an_estimator_that_waits_says_for_what() -> None:
+    _, _, ranges, u = driven()
+    mission = dataclasses.replace(MISSION, start=None)
+    blind = good(readings={"ranges": np.where([True, False], np.nan, ranges), "odometry": u})
+    found = mn.estimate("feasible_set_bank", mission, blind)
+    assert found.message[3] == "waits for 10 readings to average: it has 4"
+    assert "waits for ranges of 2 beams at one pose: it has 1" in repr(found)
+
+
+class Stranger:
+    """An estimator of somebody else's, which keeps the commands that it gets."""
+
+    @configuration
+    class Config:
+        """Fields."""
+
+    period = DT
+    build = staticmethod(lambda config, mission: Stranger())
+    sensors = staticmethod(lambda config, mission: ())
+    quality = staticmethod(lambda config, mission: None)
+
+    def update(self, t: float, measurements: object, command: Array) -> Estimate:
+        return Estimate(t, np.zeros(2), extra={"command": command.copy()})
+
+
+def test_inputs_are_zero_if_not_given_for_anybodys_estimator_and_mission() -> None:
+    """A mission that does not say how many inputs there are has none."""
+    np.testing.assert_array_equal(mn.estimate(Stranger, MISSION, good()).extra["command"], np.zeros((60, 2)))
+    assert mn.estimate(Stranger, object(), good()).extra["command"].shape == (60, 0)
+    given = mn.estimate(Stranger, object(), good(inputs=U)).extra["command"]
+    np.testing.assert_array_equal(given, np.vstack([np.zeros(2), U[:-1]]))
+
+
+@pytest.mark.refused("plug-in", "class without Config")
+def test_a_class_without_a_configuration_is_refused_by_its_name() -> None:
+    with pytest.raises(mn.PluginError, match=r"'.*Bare' declares no frozen dataclass named Config"):
+        mn.estimate(type("Bare", (), {}), MISSION, good())
 
 
 def test_an_estimator_that_fails_is_named_with_the_time() -> None:

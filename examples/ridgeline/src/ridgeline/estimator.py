@@ -22,13 +22,16 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 FREQUENCIES = 400  # at which the corrections are looked at
+DEVIATIONS = 6.0  # by which a fix that agrees with the estimate is off at most
 
 
 @configuration
@@ -48,13 +51,16 @@ class AlphaBetaGamma:
 
     def __init__(self, config: AlphaBetaGammaConfig, mission: FlightMission) -> None:
         self.period = mission.control_period
-        self._timeout, self._tau = config.timeout, mission.gust.time_constant
+        self._tau = mission.gust.time_constant
         self._gains = gains(config, mission)
         error = AlphaBetaGamma.quality(config, mission).error[:2, :2]
         self._covariance = np.kron(error, np.eye(3))  # (6, 6), between fixes no larger than just before one
         self._x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) rows p, v, g, one column an axis
         self._t: float | None = None  # [s] of _x; None before the first call
-        self._t_fix = -math.inf  # [s] of the last fix
+        # After a gap longer than the timeout the estimate is OK again once fixes have agreed for two memories.
+        self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.position_rate, settling=2.0 * config.memory)
+        self._agreeing = DEVIATIONS * math.sqrt(error[0, 0] + mission.position_noise**2)  # [m]
+        self._counts = ReadingCounts()
 
     @staticmethod
     def build(config: AlphaBetaGammaConfig, mission: FlightMission) -> AlphaBetaGamma:
@@ -101,12 +107,18 @@ class AlphaBetaGamma:
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for fix in measurements:
-            if fix.name == "position":
+            if fix.name != "position":
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif not np.isfinite(fix.value).all():
+                self._counts.add(Unused.NOT_FINITE)
+            else:
                 self._predict(fix.t, command)
-                self._x = self._x + np.outer(self._gains, fix.value - self._x[0])
-                self._t_fix = fix.t
+                off = fix.value - self._x[0]
+                self._x = self._x + np.outer(self._gains, off)
+                self._fixes.note(fix.t, agrees=bool((np.abs(off) <= self._agreeing).all()))
         self._predict(t, command)
-        return Estimate(t, self._x[:2].flatten(), self._covariance.copy(), self._status(t), {"gust": self._x[2].copy()})
+        status, extra = self._fixes.status(t), {"gust": self._x[2].copy(), **self._counts.extra}
+        return Estimate(t, self._x[:2].flatten(), self._covariance.copy(), status, extra, waiting(status, "a fix"))
 
     def _predict(self, t: float, command: Array) -> None:
         """Propagate the filter to t [s] with the input held."""
@@ -115,11 +127,6 @@ class AlphaBetaGamma:
             F, B = motion(h, self._tau)
             self._x = F @ self._x + np.outer(B, command)
         self._t = t
-
-    def _status(self, t: float) -> Status:
-        if self._t_fix == -math.inf:
-            return Status.INITIALISING
-        return Status.OK if t - self._t_fix <= self._timeout + TIME_TOLERANCE else Status.LOST
 
 
 def gains(config: AlphaBetaGammaConfig, mission: FlightMission) -> Array:

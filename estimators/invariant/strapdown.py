@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3
@@ -13,6 +15,7 @@ TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
 
 _CHANGE = 0.5  # [s] in which a vehicle may change its acceleration and its rate of turn altogether
 _TURN_RATE = 1.0  # [rad/s]
+_PIECE, _MOST_PIECES = 0.1, 100  # [s] over which a reading is held at once, but not in an endless gap
 _LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] least that are assumed for any IMU
 
 
@@ -44,13 +47,16 @@ class Strapdown:
         """
         if self._force is None or self.t is None:
             return False
-        dt = t - self.t
-        since, until = self.t - self._read, t - self._read
-        # Of the velocity that a walk of intensity q gathers, in the mean over dt: q (until^3 - since^3) / (3 dt^2).
-        walked = (until**3 - since**3) / (3.0 * dt * dt * _CHANGE)
-        changed = walked * np.repeat((_TURN_RATE**2, acceleration_max**2), 3)
-        self.t = t
-        self._move(self.rate, self._force, dt, self._variances + changed)
+        begin, ahead = self.t, t - self.t
+        pieces = min(math.ceil(ahead / _PIECE - TIME_TOLERANCE), _MOST_PIECES)  # which vary on their own
+        for k in range(pieces):
+            end = t if k + 1 == pieces else begin + (k + 1) * ahead / pieces
+            dt, since, until = end - self.t, self.t - self._read, end - self._read
+            # Of the velocity that a walk of intensity q gathers, in the mean over dt: q (until^3 - since^3) / (3 dt^2).
+            walked = (until**3 - since**3) / (3.0 * dt * dt * _CHANGE)
+            changed = walked * np.repeat((_TURN_RATE**2, acceleration_max**2), 3)
+            self.t = end
+            self._move(self.rate, self._force, dt, self._variances + changed)
         return True
 
     def _move(self, rate: Array, force: Array, dt: float, variances: Array) -> None:

@@ -12,7 +12,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
-        "escape_time_s", "degraded_s", "unused_readings", "unused_reasons", "waits_for",
+        "escape_time_s", "degraded_s",
     ),
     "mission": (
         "vehicles", "arrived", "arrived_vehicles", "spread_s", "first_arrival_s", "arrival_time_s", "deadline_s",
@@ -42,6 +42,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
     "bound": ("efficiency", "efficiency_basis"),
+    "readings": ("unused_readings", "unused_reasons", "waits_for"),
 }  # fmt: skip
 # All figures above are numbers, or null if not known, except these.
 TRUTH_VALUES = frozenset(("hit", "hit_ground", "converged", "escaped", "arrived", "touched_wall"))

@@ -155,7 +155,8 @@ class ClosedLoop:
         if again is not None and rehearsing and compilation.seconds > 0.0:
             return again().run(progress, watch=watch, latency=latency)
         summary, success = self.summarise(recording, wall_seconds)
-        summary = {**summary, **unused_figures(recording)}
+        asked = {name: agent.sensors for name, agent in self.agents.items()}
+        summary = {**summary, **unused_figures(recording, asked)}
         if status := planner_status(recording):
             summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config

@@ -48,5 +48,12 @@ def test_a_covariance_of_another_shape_is_doubted(shape: tuple[int, ...]) -> Non
     assert doubt(other, DECLARED) == f"the estimate's covariance has shape {shape}; allowed: (6, 6)"
 
 
-def test_a_lost_estimate_is_doubted_however_good_it_says_it_is() -> None:
-    assert doubt(estimate(0.0, 0.0, Status.LOST), DECLARED) == Status.LOST.value
+@pytest.mark.parametrize("status", [Status.LOST, Status.INITIALISING, Status.SOLVER_FAILED])
+def test_a_lost_estimate_is_doubted_however_good_it_says_it_is(status: Status) -> None:
+    assert doubt(estimate(0.0, 0.0, status), DECLARED) == status.value
+
+
+def test_a_degraded_estimate_is_judged_by_its_covariance_and_doubted_without_one() -> None:
+    assert doubt(estimate(1.9, 0.4, Status.DEGRADED), DECLARED) == ""
+    assert "position is off by 2.1 m" in doubt(estimate(2.1, 0.4, Status.DEGRADED), DECLARED)
+    assert doubt(Estimate(0.0, np.zeros(6), None, Status.DEGRADED), DECLARED) == Status.DEGRADED.value

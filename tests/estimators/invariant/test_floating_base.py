@@ -11,10 +11,10 @@ import pytest
 from mathnavi.estimators.invariant.floating_base import FloatingBaseIekf, FloatingBaseIekfConfig
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.signals import Array, Estimate, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.systems import RigidBody
-from mathnavi.models.mechanism.floating_base import FloatingBase
+from mathnavi.models.mechanism.floating_base import IMU, JOINTS, FloatingBase
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.scenarios.closed_loop import RunData
@@ -103,6 +103,27 @@ def test_in_the_air_the_velocity_drifts_as_far_as_is_said_and_then_the_estimate_
         np.testing.assert_allclose(last.x[11:14], truth[-1, 11:14], atol=0.01)  # the rate is read
         assert abs(last.x[14] - truth[-1, 14]) < 0.05  # the boom's
     assert 0.1 < np.mean(squares) < 3.0
+
+
+def test_without_its_imu_the_last_reading_is_held_and_the_base_is_lost_and_never_as_good_again() -> None:
+    """Position and heading, of which the gap takes away what was known, are not observable."""
+    config = FloatingBaseIekfConfig(joints="filtered_differences", timeout=0.1, deviation_max=5.0)
+    mission = LagrangianMission(MechanismSystem(mujoco.MjModel.from_xml_string(FLYING)), period=0.01)
+    estimator = FloatingBaseIekf.build(config, mission)
+
+    def update(k: int, *names: str) -> Estimate:
+        values = {IMU: np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81]), JOINTS: np.zeros(1)}
+        return estimator.update(0.01 * k, [Measurement(name, 0.01 * k, values[name]) for name in names], np.zeros(2))
+
+    for k in range(20):
+        before = update(k, IMU, JOINTS)
+    silent = [update(k, JOINTS) for k in range(20, 60)]
+    after = [update(k, IMU, JOINTS) for k in range(60, 100)]
+    assert [before.status, silent[5].status, silent[-1].status] == [Status.OK, Status.OK, Status.LOST]
+    spread = [each.extra["base_deviation"][SPEED].max() for each in (before, silent[-1])]
+    assert spread[1] > 3.0 * spread[0]
+    assert {each.status for each in after} == {Status.DEGRADED}
+    assert np.abs(after[-1].x[:3] - before.x[:3]).max() < 0.1
 
 
 def test_other_systems_are_refused_in_one_line() -> None:

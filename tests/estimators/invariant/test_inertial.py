@@ -82,7 +82,15 @@ def test_from_an_attitude_that_is_off_by_half_a_radian_it_finds_tilt_and_heading
 
 
 @pytest.mark.parametrize(
-    ("between", "lost"), [(0.5, (9.0, 9.0)), (0.3, (9.0, 9.0)), (0.0, (2.0, 2.1)), (0.0, (2.0, 2.5))]
+    ("between", "lost"),
+    [
+        pytest.param(
+            0.5, (9.0, 9.0), marks=pytest.mark.honoured("sensor log", "sensors with time stamps of their own")
+        ),
+        (0.3, (9.0, 9.0)),
+        (0.0, (2.0, 2.1)),
+        pytest.param(0.0, (2.0, 2.6), marks=pytest.mark.honoured("sensor log", "gap in the IMU longer than declared")),
+    ],
 )
 def test_an_imu_that_is_silent_where_no_input_is_given_holds_its_last_reading(
     between: float, lost: tuple[float, float]
@@ -105,9 +113,36 @@ def test_an_imu_that_is_silent_where_no_input_is_given_holds_its_last_reading(
             imu = [] if lost[0] <= t < lost[1] else [Measurement("imu", t, np.concatenate([rate, force]))]
             estimate = estimator.update(t, imu, still)
             errors.append(float(np.linalg.norm(estimate.x[:3] - X[:3, 4])))
+            if lost[1] - lost[0] > 0.55 and 2.51 <= t <= 3.5:
+                assert estimate.status is Status.DEGRADED
     assert np.sqrt(np.mean(np.square(errors))) < 0.15
     assert max(errors) < 0.6
     assert estimate.status is Status.OK
+
+
+def test_rows_that_are_missing_leave_it_as_unsure_as_it_says() -> None:
+    """Nobody reads how the vehicle turns and accelerates in the gap, and one reading at its end does not say."""
+    squares = []
+    for seed in range(8):
+        estimator, rng = InertialIekf.build(ROUGH, MISSION), np.random.default_rng(seed)
+        X, rate = SE23.from_parts(np.eye(3), np.zeros(3), MISSION.start_state[:3]), np.zeros(3)
+        for k in range(176):
+            t = 0.02 * k
+            force = np.array([2.0 * math.sin(2.0 * t), 2.0 * math.cos(1.5 * t), 0.0]) + G * X[2, :3]
+            after = 0.4 * np.array([math.sin(3.0 * t), math.cos(2.0 * t), math.sin(t)])
+            X, _ = propagation(X, 0.5 * (rate + after), force, FALL, 0.02 if k else 0.0)
+            rate = after
+            if not 100 < k < 175:
+                readings = [Measurement("imu", t, np.concatenate([rate, force]))]
+                if k % 5 == 0 and k < 175:
+                    fix = X[:3, 4] + MISSION.flight.position_noise * rng.standard_normal(3)
+                    readings.append(Measurement("position", t, fix))
+                estimate = estimator.update(t, readings, np.zeros(4))
+        assert estimate.status is not Status.OK
+        error = estimate.x - np.concatenate([X[:3, 4], X[:3, 3]])
+        assert estimate.covariance is not None
+        squares.append(float(error @ np.linalg.solve(estimate.covariance, error)))
+    assert np.mean(squares) < 12.0
 
 
 def test_it_is_as_good_as_it_says() -> None:

@@ -92,10 +92,19 @@ def test_without_a_covariance_of_use_there_is_no_nees(covariance: Array | None) 
 def test_times_in_a_status_are_counted() -> None:
     found = summary(
         step_at(0.0, 0.0, 0.0),
-        status=lambda t: Status.INITIALISING if t < 0.45 else Status.LOST if 5.0 <= t < 7.0 else Status.OK,
+        status=lambda t: (
+            Status.INITIALISING
+            if t < 0.45
+            else Status.LOST
+            if 5.0 <= t < 7.0
+            else Status.DEGRADED
+            if 7.0 <= t < 8.0
+            else Status.OK
+        ),
     )
     assert found["initialising_s"] == pytest.approx(0.5)
     assert found["lost_s"] == pytest.approx(2.0)
+    assert found["degraded_s"] == pytest.approx(1.0)
 
 
 def test_an_old_estimate_is_compared_with_what_is_true_now() -> None:

@@ -32,7 +32,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri, gammainc
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, is_late, time_ahead, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -150,14 +150,15 @@ class Kalman:
         """Estimate (6,) [m, m/s] at t [s] from the fixes since the last call, ``command`` (3,) [m/s^2] held in between.
 
         ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra`` also counts the readings that were not used.
-        Raises ValueError for a fix older than the filter.
         """
         for fix in measurements:
-            if fix.name == "position":
+            if fix.name != "position":
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif is_late(fix.t, self._t):
+                self._counts.add(Unused.LATE)
+            else:
                 self._predict(fix.t, command)
                 self._condition(fix)
-            else:
-                self._counts.add(Unused.UNKNOWN_SENSOR)
         self._predict(t, command)
         x, covariance = self._x, self._covariance()
         status, extra = self._timeout_monitor.status(t, covariance), {"gust": x[2].copy(), **self._counts.extra}
@@ -175,7 +176,7 @@ class Kalman:
         """Predict from the filter's time to t [s] with the input held."""
         if self._t is None:
             self._t = t
-        h = time_ahead(t, self._t, "a fix")
+        h = time_ahead(t, self._t)
         if h > TIME_TOLERANCE:
             key = round(h, 10)  # so that the last bit of a time does not cost a matrix exponential
             if key not in self._discrete:

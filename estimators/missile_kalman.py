@@ -21,7 +21,7 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, time_ahead, waiting
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import ArgumentError
@@ -120,19 +120,20 @@ class MissileKalman:
         """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
 
         ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes; ``extra`` also
-        counts the readings that were not used. Raises ValueError for a reading of another shape, or older than the
-        filter.
+        counts the readings that were not used. Raises ValueError for a reading of another shape.
         """
         held = np.clip(command, -self._input_max, self._input_max)
         if self._called is not None:
             self._inputs.note(self._called, held)
         self._called = t
         for reading in measurements:
-            if reading.name == "full_state":
+            if reading.name != "full_state":
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif is_late(reading.t, self._t):
+                self._counts.add(Unused.LATE)
+            else:
                 self._predict(reading.t)
                 self._condition(reading)
-            else:
-                self._counts.add(Unused.UNKNOWN_SENSOR)
         self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
         P = 0.5 * (P + P.T)
@@ -146,7 +147,7 @@ class MissileKalman:
         """
         if self._t is None:
             self._t = t
-        ahead = time_ahead(t, self._t, "a reading")
+        ahead = time_ahead(t, self._t)
         if ahead > FARTHEST:
             self._inputs.forget(t)
             self._filter.x[self._size :] = 0.0

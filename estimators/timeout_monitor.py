@@ -110,12 +110,16 @@ def waiting(status: Status, what: str) -> str:
     return f"waits for {what}" if status is Status.INITIALISING else ""
 
 
-def time_ahead(t: float, now: float, what: str) -> float:
-    """Time [s] from ``now`` [s], that of a filter's state, to t [s], at which ``what`` comes.
+def is_late(t: float, now: float | None) -> bool:
+    """True for a reading of t [s] that is older than the state of a filter, which is that of ``now`` [s], or None."""
+    return now is not None and t < now - TIME_TOLERANCE
+
+
+def time_ahead(t: float, now: float) -> float:
+    """Time [s] from ``now`` [s], that of a filter's state, to t [s], at which it is asked for an estimate.
 
     Raises ArgumentError if t is past.
     """
-    h = t - now
-    if h < -TIME_TOLERANCE:
-        raise ArgumentError(f"{what} at {t:.6f} s reached a Kalman filter that is at {now:.6f} s already")
-    return h
+    if is_late(t, now):
+        raise ArgumentError(f"an estimate at {t:.6f} s was asked of a filter that is at {now:.6f} s already")
+    return t - now

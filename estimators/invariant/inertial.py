@@ -30,7 +30,7 @@ from scipy.special import chdtri
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
 from mathnavi.estimators.kalman_steps import condition
-from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -159,10 +159,9 @@ class InertialIekf:
 
     def _unused(self, reading: Measurement) -> Unused | None:
         """Reason why a reading is not used; None for one that is, or is judged by its innovation."""
-        assert self._strapdown.t is not None
         if reading.name not in ("imu", "position"):
             return Unused.UNKNOWN_SENSOR
-        if reading.t < self._strapdown.t - TIME_TOLERANCE:
+        if is_late(reading.t, self._strapdown.t):
             return Unused.LATE
         return None if np.isfinite(reading.value).all() else Unused.NOT_FINITE
 

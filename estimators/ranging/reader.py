@@ -7,11 +7,12 @@ how the robot moves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, worst
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, is_late, worst
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Measurement, Status
@@ -37,6 +38,7 @@ class RangeReader:
         self._limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         self._ranges = TimeoutMonitor(timeout, mission.period, settling=settling)
         self._odometry = TimeoutMonitor(timeout, mission.period, settling=settling, beyond=Status.DEGRADED)
+        self._t_ranges = self._t_odometry = -math.inf  # [s] of the newest readings
         self.counts = ReadingCounts()
 
     def read(self, t: float, measurements: Sequence[Measurement], command: Array) -> tuple[Array, Array]:
@@ -54,17 +56,24 @@ class RangeReader:
 
     def ranges(self, measurements: Sequence[Measurement]) -> Array:
         """Ranges (l,) [m] of the newest reading, NaN where a ray was lost; ArgumentError as of ``read``."""
-        rho = None
+        newest = None
         for reading in measurements:
             if reading.name == RANGES:
                 if reading.value.shape != (self._sensors,):
                     raise ArgumentError(
                         f"a reading of ranges has shape {reading.value.shape}; allowed: ({self._sensors},)"
                     )
-                if rho is not None:  # superseded before it was used
-                    self.counts.add(Unused.LATE, int(np.isfinite(rho).sum()))
-                rho = self._usable(reading.value)
-        return np.full(self._sensors, np.nan) if rho is None else rho
+                if is_late(reading.t, self._t_ranges):
+                    self._superseded(reading)
+                else:
+                    if newest is not None:
+                        self._superseded(newest)
+                    newest, self._t_ranges = reading, reading.t
+        return np.full(self._sensors, np.nan) if newest is None else self._usable(newest.value)
+
+    def _superseded(self, reading: Measurement) -> None:
+        """Count the rays of a reading that is older than one that is used."""
+        self.counts.add(Unused.LATE, int(np.isfinite(reading.value).sum()))
 
     def _usable(self, value: Array) -> Array:
         usable = (value > 0.0) & (value < TOO_LONG * self.longest)  # neither holds of NaN
@@ -74,14 +83,17 @@ class RangeReader:
         return np.where(usable, value, np.nan)
 
     def odometry(self, measurements: Sequence[Measurement]) -> Array | None:
-        """Odometry (2,) [m/s, rad/s]; None if it is missing, not finite or far beyond the limits of the robot."""
+        """Newest odometry (2,) [m/s, rad/s]; None if there is none that is finite and not far beyond the limits of the
+        robot.
+        """
         found = None
         for reading in measurements:
             if reading.name == ODOMETRY:
-                if found is not None:
+                if is_late(reading.t, self._t_odometry):
                     self.counts.add(Unused.LATE)
                 elif (np.abs(reading.value) <= self._limits).all():
-                    found = reading.value
+                    self.counts.add(Unused.LATE, int(found is not None))
+                    found, self._t_odometry = reading.value, reading.t
                 else:
                     finite = bool(np.isfinite(reading.value).all())
                     self.counts.add(Unused.OUT_OF_RANGE if finite else Unused.NOT_FINITE)

@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.estimators.timeout_monitor import is_late
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -110,7 +111,7 @@ class StageBuilder:
 
     def is_late(self, t: float) -> bool:
         """True for a reading of t [s] that is older than the last stage."""
-        return self._t is not None and t < self._t - TIME_TOLERANCE
+        return is_late(t, self._t)
 
     def restart(self) -> None:
         """Forget the last stage: no motion leads from it to the next one."""

@@ -35,8 +35,11 @@ class SmootherConfig:
 class RecordedSmoother:
     """Estimator that uses a whole recorded run; call ``smooth`` before ``update``."""
 
-    def __init__(self, config: SmootherConfig, model: StagewiseModel, period: float) -> None:
+    def __init__(self, config: SmootherConfig, model: StagewiseModel, period: float, timeout: float) -> None:
+        """``timeout`` is the longest gap [s] between readings that is declared."""
         self.period = period
+        self._longest = max(timeout, 2.0 * period) + TIME_TOLERANCE
+        self._read = np.empty(0)  # (k,) [s] times with readings
         self._config, self._model = config, model
         self._states: SmoothedStates | None = None
 
@@ -48,6 +51,7 @@ class RecordedSmoother:
         """
         builder = StageBuilder(self._model)
         stages = [stage for sample in samples for stage in builder.add(*sample)]
+        self._read = np.array([stage.t for stage in stages if stage.readings])
         smoothed = batch_least_squares if self._config.method == "batch" else rauch_tung_striebel
         self._states = smoothed(self._model, stages, self._config.gate)
         if not self._states.converged:
@@ -55,14 +59,22 @@ class RecordedSmoother:
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Smoothed estimate at t [s], independent of ``measurements``; before the first stage that of the first stage,
-        and INITIALISING.
+        and INITIALISING; DEGRADED in a gap between readings that is longer than declared.
         """
         assert self._states is not None, "the run was not smoothed yet"
         k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
         x, P = self._model.reported(self._states.x[max(k, 0)], self._states.P[max(k, 0)])
         if P is not None:
             P = 0.5 * (P + P.T)
-        return Estimate(t, x, P, Status.OK if k >= 0 else Status.INITIALISING)
+        return Estimate(t, x, P, self._status(t) if k >= 0 else Status.INITIALISING)
+
+    def _status(self, t: float) -> Status:
+        """Status at t [s], which is after the first stage."""
+        k = int(np.searchsorted(self._read, t + TIME_TOLERANCE, side="right"))
+        if k == 0 or t <= self._read[k - 1] + TIME_TOLERANCE:  # before the first reading, or at one
+            return Status.OK
+        after = self._read[k] if k < len(self._read) else t
+        return Status.DEGRADED if after - self._read[k - 1] > self._longest else Status.OK
 
 
 class Smoothing:
@@ -81,7 +93,8 @@ class Smoothing:
     def build(self, config: SmootherConfig, mission: Any) -> RecordedSmoother:
         """Build the smoother of one run."""
         recorded: Estimator = self._plugin.build(self._config, mission)
-        return RecordedSmoother(config, self._model_of(self._config, mission), recorded.period)
+        timeout = float(getattr(self._config, "timeout", np.inf))  # a filter of somebody else's may declare none
+        return RecordedSmoother(config, self._model_of(self._config, mission), recorded.period, timeout)
 
     def sensors(self, config: SmootherConfig, mission: Any) -> tuple[Sensor, ...]:
         """Sensors of the recorded estimator."""

@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting
 from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -93,11 +93,13 @@ class TextbookEkf:
         ``extra`` counts the readings that were not used, by output.
         """
         for reading in measurements:
-            if reading.name == "output":
+            if reading.name != "output":
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif is_late(reading.t, self._t):
+                self._counts.add(Unused.LATE)
+            else:
                 self._predict(reading.t, command)
                 self._condition(reading, command)
-            else:
-                self._counts.add(Unused.UNKNOWN_SENSOR)
         self._predict(t, command)
         P = 0.5 * (self._filter.P + self._filter.P.T)
         status = self._status(t, P)
@@ -108,7 +110,7 @@ class TextbookEkf:
         """Predict from the filter's time to t [s] with u (p,) held."""
         if self._t is None:
             self._t = t
-        h = time_ahead(t, self._t, "a reading")
+        h = time_ahead(t, self._t)
         if h > TIME_TOLERANCE:
             self._filter.F = np.array(self._transition(self._filter.x, u, h))
             noise = h * self._config.process**2

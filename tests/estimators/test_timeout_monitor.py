@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead, waiting, worst
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.signals import Status
 
 
@@ -61,8 +61,10 @@ def test_the_worst_status_of_several_sensors_is_that_of_the_estimate_which_says_
     assert (waiting(new, "a fix"), waiting(lost, "a fix")) == ("waits for a fix", "")
 
 
-def test_a_reading_from_before_the_filters_time_is_refused_but_for_rounding() -> None:
-    assert time_ahead(2.5, 2.0, "a fix") == 0.5
-    assert time_ahead(2.0 - 1e-10, 2.0, "a fix") == pytest.approx(0.0, abs=2e-10)
-    with pytest.raises(ValueError, match=r"a fix at 1\.9\d* s reached a Kalman filter that is at 2\.0\d* s already"):
-        time_ahead(1.9, 2.0, "a fix")
+def test_a_reading_from_before_the_filters_time_is_late_but_for_rounding_and_an_estimate_is_refused() -> None:
+    assert [is_late(t, 2.0) for t in (2.5, 2.0 - 1e-10, 1.9)] == [False, False, True]
+    assert not is_late(1.9, None)
+    assert time_ahead(2.5, 2.0) == 0.5
+    assert time_ahead(2.0 - 1e-10, 2.0) == pytest.approx(0.0, abs=2e-10)
+    with pytest.raises(ValueError, match=r"at 1\.9\d* s was asked of a filter that is at 2\.0\d* s already"):
+        time_ahead(1.9, 2.0)

@@ -10,8 +10,9 @@ from mathnavi.estimators.kalman import KalmanConfig
 from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.model import SmootherStage, advanced, residuals
 from mathnavi.estimators.stagewise.ranging import RangingModel
+from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, SmootherConfig
 from mathnavi.estimators.stagewise.smoother import batch_least_squares, rauch_tung_striebel, square_root
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.mission import RangingMission
@@ -104,6 +105,16 @@ def test_a_smoother_is_nearer_to_the_truth_than_its_filter_and_batch_least_squar
         assert batch.converged
         assert np.abs(np.array(batch.x) - np.array(found.x)).max() < 0.02
     assert smoothed < 0.7 * filtered
+
+
+def test_in_a_gap_that_is_longer_than_declared_its_estimate_is_degraded() -> None:
+    model = FlightModel.from_config(KalmanConfig(), FLIGHT)
+    smoother = RecordedSmoother(SmootherConfig(), model, 0.1, 1.0)
+    times = [0.1 * k for k in range(60)]
+    fix = [(Measurement("position", t, np.array(FLIGHT.start)),) if not 1.95 < t < 3.95 else () for t in times]
+    smoother.smooth((t, readings, np.zeros(3)) for t, readings in zip(times, fix, strict=True))
+    statuses = [smoother.update(t, (), np.zeros(3)).status for t in times]
+    assert statuses == [Status.OK] * 20 + [Status.DEGRADED] * 20 + [Status.OK] * 20
 
 
 def test_an_outlier_is_not_used() -> None:

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, is_late, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -109,6 +109,8 @@ class AlphaBetaGamma:
         for fix in measurements:
             if fix.name != "position":
                 self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif is_late(fix.t, self._t):
+                self._counts.add(Unused.LATE)
             elif not np.isfinite(fix.value).all():
                 self._counts.add(Unused.NOT_FINITE)
             else:

@@ -156,7 +156,7 @@ class MovingHorizonEstimator:
             covariance = None
         status = self._timeout_monitor.status(t, covariance)
         if self._reader is not None:
-            status = worst(status, self._reader.odometry_status(t, covariance))
+            status = worst(status, self._reader.odometry_status(t))
         if horizon.failure and status.usable:
             status = Status.SOLVER_FAILED
         elif (lost or not horizon.started) and status is not Status.INITIALISING:

@@ -2,8 +2,8 @@
 
 The timeout is the longest gap between readings that is declared, but for a sensor that reads seldom, of which one
 reading may be missing. After a longer one the estimate is DEGRADED until it has converged again: readings have come
-without such a gap, and agreed with it, for as long as it needs to settle, and its standard deviations are no more than
-1.5 times those that it had when it was OK last.
+without such a gap for as long as it needs to settle, they have agreed with it for the timeout, and its standard
+deviations are no more than 1.5 times those that it had when it was OK last.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ class TimeoutMonitor:
         the other sensors of the estimator still bound its error. ``interval`` [s] is the declared time between
         readings.
 
-        ``settling`` is the time [s] for which readings have to agree after such a gap, the timeout if not given.
+        ``settling`` is the time [s] that it takes to converge after such a gap, the timeout if not given; readings
+        have to agree for the timeout in the end.
         """
         self._timeout, self._beyond = timeout, beyond
         self.longest = max(timeout, _INTERVALS * interval)
@@ -53,9 +54,14 @@ class TimeoutMonitor:
             return
         if t - self.t > self.longest + TIME_TOLERANCE and self.t > -math.inf:
             self.converged, self._since = False, t
-        elif not (self.converged or agrees):
-            self._since = t
+        elif not agrees:
+            self.disagree(t)
         self.t = t
+
+    def disagree(self, t: float) -> None:
+        """Note that at t [s] the estimate did not agree with the reading of another sensor."""
+        if not self.converged:
+            self._since = max(self._since, t + min(self._timeout, self._settling) - self._settling)
 
     def status(self, t: float, covariance: Array | None = None) -> Status:
         """Status at t [s] of an estimate with a ``covariance`` (n, n), or None.

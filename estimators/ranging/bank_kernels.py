@@ -44,6 +44,7 @@ from mathnavi.estimators.ranging.kalman_kernels import (
     within,
 )
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
+from mathnavi.estimators.ranging.reading_kernels import is_within, select_ranges
 from mathnavi.interfaces.compiled import Signature, njit
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
 from mathnavi.interfaces.signals import Array, Integers
@@ -229,6 +230,8 @@ KERNELS: tuple[Signature, ...] = (
     (move, (ONE, ONE, WALL, types.float64)),
     (drop, (HYPOTHESES, types.int64, SCORING, combined(types.int64, types.float64, types.float64))),
     (noise_of, (SUMS,)),
+    (select_ranges, (ONE, types.float64, ONE)),
+    (is_within, (ONE, ONE)),
     (pushed, (TWO, TWO, WALL, types.float64, types.float64)),
     (within, (WALL, TWO)),
     (farthest_points, (TWO, types.int64, types.int64, types.float64)),

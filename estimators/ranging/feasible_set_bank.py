@@ -231,10 +231,10 @@ class FeasibleSetBank:
                     t - self._t,
                     self._slip_weight.update(u, t - self._t),
                 )
-            if not np.isnan(rho).all():
+            if self._reader.rays:
                 nis = self._condition(rho)
         believed = self._is_alive and self._is_believed
-        self._reader.note(t, rho, believed)
+        self._reader.note(t, believed)
         if not believed:
             self._start()
         self._t = t

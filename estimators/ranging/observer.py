@@ -207,6 +207,7 @@ class RangeObserver:
         if config.z_0:
             self._z[:] = config.z_0
         self._readings = np.full((3, l), np.nan)  # at the centre: rho, rho_dot, and which readings were left out
+        self._ones = np.ones(l)
         self._value = np.zeros(2)  # V_rho and |Q|^2 / 2
 
     @staticmethod
@@ -254,8 +255,8 @@ class RangeObserver:
         window.push(rho, u)
         if window.has_centre:
             self._observe()
-            reader.counts.add(Unused.OUTLIER, int(self._readings[2].sum()))
-        reader.note(t, rho, bool(self._value[0] <= self._agreeing))
+            reader.counts.add(Unused.OUTLIER, int(self._readings[2].dot(self._ones)))
+        reader.note(t, reader.converged or bool(self._value[0] <= self._agreeing))
         status = reader.status(t) if window.has_centre else Status.INITIALISING
         z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
         extra = {"z": z, "value": self._value.copy(), **reader.counts.extra}

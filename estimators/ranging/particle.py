@@ -133,13 +133,13 @@ class RangeParticle:
         """
         model = self._model
         rho, u = self._reader.read(t, measurements, command)
-        self._reader.note(t, rho)
+        self._reader.note(t)
         dt = 0.0 if self._t is None else t - self._t
         if dt > 0.0:
             propagate(self._x, u, np.sqrt(model.W), model.scale, model.wall, dt, self._rng)
         self._t = t
         effective = 1.0 / float(np.square(self._w).sum())
-        if not np.isnan(rho).all():
+        if self._reader.rays:
             effective, likelihood = weigh(self._x, self._w, rho, model.wall, self._sensors)
             self._average(likelihood, dt)
         if self._symmetry[0] > 1:

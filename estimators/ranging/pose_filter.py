@@ -108,7 +108,7 @@ class PoseFilter(ABC):
             self._predict(u, t - self._t)
         self._t = t
         nis = self._condition(rho)
-        reader.note(t, rho, self._gate.agrees(reader.converged))
+        reader.note(t, self._gate.agrees(reader.converged))
         pose, P = self._pose()
         P = 0.5 * (P + P.T)
         status = reader.status(t, P)

@@ -98,7 +98,7 @@ class RangeUkf:
         self._predict(u, 0.0 if self._t is None else t - self._t)
         self._t = t
         nis = self._condition(rho)
-        reader.note(t, rho, self._gate.agrees(reader.converged))
+        reader.note(t, self._gate.agrees(reader.converged))
         U = square_root(self._filter.P)[:, :3]
         P = U.T @ U
         status, extra = reader.status(t, P), {"nis": nis, **reader.counts.extra}

@@ -43,7 +43,7 @@ class RangingModel:
         if measurement.name != RANGES:
             return None
         rho = self._reader.ranges([measurement])
-        return None if np.isnan(rho).all() else rho
+        return rho if self._reader.rays else None
 
     def unused(self, measurement: Measurement) -> Unused | None:
         """Return None: a ``RangeReader`` counts rays."""

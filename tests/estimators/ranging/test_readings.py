@@ -102,8 +102,8 @@ def test_without_odometry_for_longer_than_declared_the_estimate_is_degraded_and_
     reader = RangeReader(MISSION, 0.5)
 
     def status(t: float, *measurements: Measurement) -> Status:
-        rho, _ = reader.read(t, measurements, COMMAND)
-        reader.note(t, rho)
+        reader.read(t, measurements, COMMAND)
+        reader.note(t)
         return reader.status(t)
 
     assert status(0.0) is Status.INITIALISING

@@ -74,11 +74,11 @@ class StateErrors:
             x, steps = state[: self._size], _STEP * np.eye(self._n)
             slope = np.eye(len(state), 2 * self._n, self._n - self._size)  # the identity of the vectors
             slope[: self._size] = 0.0
-            moved = [self._manifold.point(x, e) - self._manifold.point(x, -e) for e in steps]
-            slope[: self._size, : self._n] = np.stack(moved, axis=1) / (2.0 * _STEP)
+            moved = [self._manifold.point(x, e) - x for e in steps]
+            slope[: self._size, : self._n] = np.stack(moved, axis=1) / _STEP
         else:
             steps = _STEP * np.eye(2 * self._n)
-            slope = np.stack([self.sum(state, e) - self.sum(state, -e) for e in steps], axis=1) / (2.0 * _STEP)
+            slope = np.stack([self.sum(state, e) - state for e in steps], axis=1) / _STEP
         covariance: Array = slope @ P @ slope.T
         return 0.5 * (covariance + covariance.T)
 

@@ -32,7 +32,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri, gammainc
 
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, is_late, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -109,7 +109,7 @@ class Kalman:
         self._innovations: deque[float] = deque(maxlen=_WINDOW)  # normalised, of the last fixes that were used
         self._excess = 1.0  # of the covariance of these innovations over that of the filter, while that is unlikely
         self._outliers = 0  # in a row
-        self._counts = ReadingCounts()
+        self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
@@ -193,8 +193,8 @@ class Kalman:
         if not math.isfinite(normalised):
             self._counts.add(Unused.NOT_FINITE)
             return
-        agrees = normalised <= _OUTLIER
-        if not agrees:
+        fits = self._since_gap.fits(np.array([normalised / _AXES]), self._timeout_monitor.converged)
+        if normalised > _OUTLIER:
             self._outliers += 1
             if self._outliers <= _LASTING:
                 self._counts.add(Unused.OUTLIER)
@@ -210,7 +210,7 @@ class Kalman:
         kept = _EYE - gain * _H
         self._x = self._x + gain * difference
         self._P = kept.dot(self._P).dot(kept.T) + (gain * self._R) * gain.T
-        self._timeout_monitor.note(fix.t, agrees=agrees)
+        self._timeout_monitor.note(fix.t, agrees=fits)
 
 
 def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:

@@ -19,7 +19,7 @@ from mathnavi.estimators.kalman import Kalman, KalmanConfig
 from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.model import CountedModel, StageBuilder
-from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
+from mathnavi.estimators.timeout_monitor import FARTHEST, InnovationMean, TimeoutMonitor, waiting, worst
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -31,6 +31,7 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.unicycle.mission import RangingMission
 
+_MOST = 16.0  # square of a residual that counts
 HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMission
 
 
@@ -66,6 +67,7 @@ class MovingHorizonEstimator:
         self._timeout_monitor = TimeoutMonitor(config.timeout, interval)  # of the readings that agreed
         self._reader = RangeReader(mission, config.timeout) if isinstance(mission, RangingMission) else None
         self._counts = ReadingCounts() if self._reader is None else self._reader.counts
+        self._residuals = InnovationMean(_MOST)
         self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
 
@@ -144,7 +146,9 @@ class MovingHorizonEstimator:
             for stage in self._builder.add(t, measurements, command):
                 horizon.add(stage)
                 agreed = bool(stage.readings) and horizon.started and not horizon.failure and horizon.agrees
-                self._timeout_monitor.note(stage.t, agreed)
+                if agreed:
+                    fits = self._residuals.fits(np.square(horizon.residual), self._timeout_monitor.converged)
+                    self._timeout_monitor.note(stage.t, agrees=fits)
         except (CutLocusError, np.linalg.LinAlgError, ArithmeticError):
             horizon.forget()
             lost = True

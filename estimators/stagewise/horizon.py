@@ -145,6 +145,7 @@ class MovingHorizon:
         self._scale: Array  # (d,) of the errors
         self.P = np.full((model.size, model.size), np.nan)
         self.failure = ""  # the solver's message, where the last programme was not solved
+        self.residual = np.empty(0)  # (k,) of the newest reading, in standard deviations
         self.agrees = False  # whether half of the newest reading's components agree with the estimate
 
     @property
@@ -231,7 +232,8 @@ class MovingHorizon:
         newest = nodes[-1]
         newest.spread = None
         _check(newest.x, self.P)
-        r, _ = residuals(model, newest.x, newest.readings)
+        self.residual, _ = residuals(model, newest.x, newest.readings)
+        r = self.residual
         self.agrees = bool(len(r)) and float(np.mean(np.abs(r) < _GOOD)) >= 0.5
 
     def _unlimited(

@@ -162,12 +162,16 @@ def test_the_rms_of_a_clipped_gust_is_that_of_samples(gust: DeclaredGusts) -> No
     assert clipped_rms(gust) == pytest.approx(np.sqrt(np.mean(clipped**2)), rel=0.01)
 
 
-def test_a_fix_from_the_past_is_refused() -> None:
+@pytest.mark.refused("sensor log", "reading that is older than one that was used")
+def test_a_fix_from_the_past_is_counted_and_changes_nothing_and_an_estimate_of_the_past_is_refused() -> None:
     mission = mission_of(DeclaredGusts(1.0), 5.0)
     filter_ = Kalman.build(KalmanConfig(), mission)
     filter_.update(1.0, [], np.zeros(3))
+    estimate = filter_.update(1.0, [fix(0.5, np.zeros(3))], np.zeros(3))
+    np.testing.assert_array_equal(estimate.x[:3], mission.start)
+    assert estimate.extra["unused_late"] == 1.0
     with pytest.raises(ValueError, match=r"0\.5.*already"):
-        filter_.update(1.01, [fix(0.5, np.zeros(3))], np.zeros(3))
+        filter_.update(0.5, [], np.zeros(3))
 
 
 def fixes_of(gust_scale: float, outlier: float) -> tuple[Kalman, list[float], float]:

@@ -140,11 +140,12 @@ def test_declared_gusts_make_it_listen_more() -> None:
     assert (grown[1] > grown[0])[[0, 1, 2]].all()
 
 
-def test_a_reading_from_the_past_or_of_another_shape_is_refused() -> None:
+def test_a_reading_from_the_past_is_counted_and_one_of_another_shape_refused() -> None:
     filter_ = MissileKalman(MissileKalmanConfig(), mission(PLANAR))
     filter_.update(1.0, [], np.zeros(3))
-    with pytest.raises(ValueError, match=r"0\.5"):
-        filter_.update(1.1, [Measurement("full_state", 0.5, np.zeros(6))], np.zeros(3))
+    estimate = filter_.update(1.1, [Measurement("full_state", 0.5, np.zeros(6))], np.zeros(3))
+    assert estimate.status is Status.INITIALISING
+    assert estimate.extra["unused_late"] == 1.0
     with pytest.raises(ValueError, match=r"\(6,\)"):
         filter_.update(1.1, [Measurement("full_state", 1.1, np.zeros((6, 1)))], np.zeros(3))
 

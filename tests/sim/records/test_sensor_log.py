@@ -200,6 +200,7 @@ class Stranger:
         return Estimate(t, np.zeros(2), extra={"command": command.copy()})
 
 
+@pytest.mark.honoured("sensor log", "log without inputs")
 def test_inputs_are_zero_if_not_given_for_anybodys_estimator_and_mission() -> None:
     """A mission that does not say how many inputs there are has none."""
     np.testing.assert_array_equal(mn.estimate(Stranger, MISSION, good()).extra["command"], np.zeros((60, 2)))

@@ -162,7 +162,14 @@ def test_until_one_hypothesis_is_twice_as_likely_as_all_others_it_is_initialisin
 def test_a_robot_that_is_carried_away_is_found_again_and_the_status_shows_it(sensors: str, hypotheses: int) -> None:
     task, rng = mission(sensors), np.random.default_rng(3)
     before = list(driven(task, STARTS[0], 3.0, rng=rng))
-    after = [dataclasses.replace(step, t=step.t + 3.0) for step in driven(task, STARTS[1], 4.0, rng=rng)][1:]
+    after = [
+        dataclasses.replace(
+            step,
+            t=step.t + 3.0,
+            measurements=tuple(dataclasses.replace(each, t=each.t + 3.0) for each in step.measurements),
+        )
+        for step in driven(task, STARTS[1], 4.0, rng=rng)
+    ][1:]
     estimates = estimates_of(task, [*before, *after], hypotheses=hypotheses)
     again = [step.t for step, estimate in estimates if estimate.status is Status.INITIALISING and step.t > 3.0]
     assert bool(again) == (hypotheses > 1)  # a single one has no other beside it

@@ -80,6 +80,11 @@ class Estimate:
     message: str = ""  # details behind the status: of one that is INITIALISING, what it waits for
 
 
+def status_text(estimate: Estimate) -> str:
+    """Return the message of an estimate's status, with the details behind it."""
+    return estimate.status.value + (f"; it {estimate.message}" if estimate.message else "")
+
+
 @dataclass(frozen=True)
 class Plan:
     """Plan of the whole future, to rest or onto the target, as arcs with constant input stamped in absolute time.

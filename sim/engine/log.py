@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mathnavi.interfaces.protocols import Plant
-from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status
+from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status, status_text
 from mathnavi.sim.engine.answer_times import AnswerTimes
 
 
@@ -48,8 +48,7 @@ class AgentRecorder:
         """Record an estimate, and an event if its status changes."""
         before = self.estimates[-1].status if self.estimates else Status.OK
         if before is not estimate.status:
-            details = f"; it {estimate.message}" if estimate.message else ""
-            text = f"{estimate.status.name.lower()}: {estimate.status.value}{details}"
+            text = f"{estimate.status.name.lower()}: {status_text(estimate)}"
             self.event(estimate.t, "estimator-status", text)
         self.estimates.append(estimate)
 

@@ -18,7 +18,7 @@ from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status, status_text
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
@@ -55,7 +55,7 @@ class PoseEstimate:
 
     def _table(self) -> tuple[str, list[Row]]:
         deviation = [np.nan] * 3 if self.covariance is None else np.sqrt(np.diag(self.covariance)).tolist()
-        return f"estimate at {self.t:.6g} s: {self.status.value}", [
+        return f"estimate at {self.t:.6g} s: {status_text(self.estimate)}", [
             (name, f"{value:.4g}" + ("" if np.isnan(sigma) else f" ± {sigma:.2g}"), unit)
             for name, value, sigma, unit in zip(
                 ("x_1", "x_2", "phi"), self.pose.tolist(), deviation, ("m", "m", "rad"), strict=True

@@ -21,7 +21,7 @@ from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status, status_text
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission, PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
@@ -59,7 +59,7 @@ class MotionEstimate:
         return self.estimate.covariance
 
     def _table(self) -> tuple[str, list[Row]]:
-        return f"estimate at {self.t:.6g} s: {self.status.value}", [
+        return f"estimate at {self.t:.6g} s: {status_text(self.estimate)}", [
             (name.partition(" [")[0], f"{value:.4g}", name.partition(" [")[2].removesuffix("]"))
             for name, value in zip(self.names, self.estimate.x, strict=True)
         ]

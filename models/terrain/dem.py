@@ -104,7 +104,7 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
 def read_png(path: str | Path, spacing: float, scale: float, nodata: float | None = None) -> Raster:
     """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north.
 
-    Pixels of the value ``nodata`` are voids.
+    Pixels of the value ``nodata``, and of that which the picture states to be transparent, are voids.
     """
     path = existing(path)
     spacing, scale = positive("spacing", spacing, "m"), checked_scale(scale)
@@ -113,7 +113,7 @@ def read_png(path: str | Path, spacing: float, scale: float, nodata: float | Non
     image, values = read_picture(path, TerrainError)
     if image.mode not in ("I;16", "I;16B", "I;16L"):
         raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")
-    z = np.where(values == nodata, np.nan, scale * values)
+    z = np.where((values == nodata) | (values == image.info.get("transparency")), np.nan, scale * values)
     return Raster(path.stem, z[::-1], spacing, spacing)
 
 

@@ -60,7 +60,7 @@ def unpacked(path: Path, endings: tuple[str, ...]) -> Iterator[Path]:
     """The file itself, or the one elevation model in a ``.zip`` or ``.gz``, unpacked for as long as the context lasts.
 
     ``endings`` are those of elevation models. Raises TerrainError for an archive that is damaged, has none or several,
-    or expands to more than ``MOST_BYTES``.
+    or expands to more than ``MOST_BYTES``. A TerrainError of the context names the archive in place of that folder.
     """
     if path.suffix.lower() not in (".zip", ".gz"):
         yield path
@@ -79,7 +79,10 @@ def unpacked(path: Path, endings: tuple[str, ...]) -> Iterator[Path]:
         if len(maps) != 1:
             names = ", ".join(each.name for each in maps) or "none"
             raise TerrainError(f"{path}: elevation models in it: {names}; allowed: one, {', '.join(endings)}")
-        yield maps[0]
+        try:
+            yield maps[0]
+        except TerrainError as error:  # of a file in the archive, which lies in no folder that the user knows
+            raise TerrainError(str(error).replace(folder, str(path))) from None
 
 
 def _members(path: Path, folder: Path) -> list[Path]:

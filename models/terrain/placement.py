@@ -153,8 +153,8 @@ def true_to_scale(dataset: Any, ellipsoid: Ellipsoid) -> bool:
 def located(dataset: Any, ellipsoid: Ellipsoid, degrees: bool, kept: bool, where: str) -> NorthUpGrid:
     """North-up grid around a picture, or within it where its sides run north and east but for less than two pixels.
 
-    Its steps are those that a pixel at the picture's centre has on the ground. Raises TerrainError for a picture that
-    cannot be brought to it.
+    Its step is the shorter side that a pixel at the picture's centre has on the ground. Raises TerrainError for a
+    picture that cannot be brought to it.
     """
     from rasterio.errors import CRSError
 
@@ -176,15 +176,20 @@ def located(dataset: Any, ellipsoid: Ellipsoid, degrees: bool, kept: bool, where
     to_north, to_east = ellipsoid.metres_per_degree(north[-3]) if degrees else (1.0, 1.0)
     right = (to_east * (east[-2] - east[-3]), to_north * (north[-2] - north[-3]))
     lower = (to_east * (east[-1] - east[-3]), to_north * (north[-1] - north[-3]))
-    step = math.sqrt(abs(right[0] * lower[1] - right[1] * lower[0]))
+    step = min(math.hypot(*right), math.hypot(*lower))
     steps = (step / to_north, step / to_east)
     borders = [np.array(values[:84]).reshape(4, 21) for values in (east, north)]
     west, east_end = _ends(borders[0], steps[1])
     south, north_end = _ends(borders[1], steps[0])
     extents = ((north_end - south) / steps[0], (east_end - west) / steps[1])
-    if not all(1.0 <= extent <= MOST_NODES for extent in extents):
+    if not all(extent <= MOST_NODES for extent in extents):
         raise TerrainError(
             f"{where}: its transform {tuple(dataset.transform)[:6]} places its pixels nowhere on the ground"
+        )
+    if min(extents) < 1.0:
+        raise TerrainError(
+            f"{where}: {dataset.height} x {dataset.width} heights, turned or stretched, hold less than 2 x 2 nodes "
+            "from south to north and from west to east"
         )
     return NorthUpGrid(dataset.crs, dataset.transform, dataset.shape, system, (west, south, east_end, north_end), steps)
 

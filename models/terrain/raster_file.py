@@ -1,9 +1,9 @@
 """Raster files of heights, read by GDAL: one band, in any coordinate system that lies on the ground.
 
-Rows and columns are turned to north and east. A picture that is north-up and true to scale is read unchanged. A
-rotated one lies on a north-up grid of its own coordinate system; one whose projection stretches lengths by more than
-1 % (Web Mercator stretches them by 1 / cos(latitude)) on a grid in degrees. There the place of each node in the picture
-is found, and its height read between four pixels, once.
+Rows and columns are turned to north and east. A picture whose sides run north and east, and that is true to scale, is
+read unchanged. A rotated one lies on a north-up grid of its own coordinate system; one whose projection stretches
+lengths by more than 1 % (Web Mercator stretches them by 1 / cos(latitude)) on a grid in degrees. There the place of
+each node in the picture is found, and its height read between four pixels, once.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.interfaces.errors import TerrainError
+from mathnavi.interfaces.reading.files import MOST_TEXT, read_bytes
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.ellipsoid import DEGREE, EARTH, Ellipsoid
 from mathnavi.models.terrain.packed_files import MOST_BYTES, check_files, check_virtual, unpacked
@@ -61,6 +62,7 @@ def read_raster(
     damaged, has no place on the ground, or has heights that no ground has.
     """
     import rasterio
+    from rasterio._err import CPLE_BaseError  # GDAL's own, which some properties raise; it has no public name
     from rasterio.errors import RasterioError, RasterioIOError
 
     with unpacked(path, tuple(FORMATS)) as file:
@@ -76,7 +78,7 @@ def read_raster(
                 return _Reader(dataset, path, file, scale, nodata, heights).raster(crop)
         except RasterioIOError as error:  # its cause says more than itself
             raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error.__cause__ or error)})") from None
-        except RasterioError as error:
+        except (RasterioError, CPLE_BaseError) as error:
             raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error)})") from None
 
 
@@ -95,6 +97,15 @@ def _check_before(file: Path) -> None:
 
 def _kind(file: Path) -> str:
     return "GeoTIFF" if file.suffix.lower() in (".tif", ".tiff") else f"{file.suffix} file"
+
+
+def _sidecar(name: str) -> bytes:
+    return read_bytes(Path(name), TerrainError, MOST_TEXT)
+
+
+def _counted(part: slice, count: int, from_end: bool) -> tuple[int, int]:
+    """First and last, exclusive, of the rows or columns of a file; ``from_end``: ``part`` is counted from its end."""
+    return (count - part.stop, count - part.start) if from_end else (part.start, part.stop)
 
 
 def _line(error: BaseException) -> str:
@@ -117,7 +128,9 @@ def ellipsoid_of(crs: Mapping[str, Any], where: str) -> Ellipsoid:
     else:
         flattening = 1.0 / stated["inverse_flattening"] if stated.get("inverse_flattening") else 0.0
         squared = flattening * (2.0 - flattening)
-    if squared and base.get("coordinate_system", {}).get("subtype") == "spherical":
+    axes = base.get("coordinate_system", {}).get("axis", [])
+    # GDAL calls them ellipsoidal where it writes them into a file, but for these names.
+    if squared and any("ocentric" in str(each.get("name", "")).lower() for each in (base, *axes)):
         raise TerrainError(f"{where}: planetocentric latitudes on an ellipsoid; allowed: planetographic ones")
     return Ellipsoid(str(stated.get("name", "unnamed")), float(major), float(squared))
 
@@ -137,6 +150,8 @@ class _Reader:
         self._dataset, self._path, self._nodata, self._allowed = dataset, path, nodata, heights
         self._name = file.stem.partition(".")[0] if file.suffix.lower() == ".hgt" else file.stem
         self._check_bands()
+        if scale is None:
+            self._check_numbers()
         self._crs = self._projection()
         system = self._crs.to_dict(projjson=True)
         self._ellipsoid = ellipsoid_of(system, str(path))
@@ -155,16 +170,35 @@ class _Reader:
         if dataset.count != 1 and not (dataset.count == 2 and names[1] == "alpha"):
             more = f", {len(dataset.subdatasets)} variables" if dataset.subdatasets else ""
             raise TerrainError(f"{path}: {dataset.count} bands{more}; allowed: one, the heights")
-        kind = np.dtype(dataset.dtypes[0])
-        if kind.kind not in "fiu":
+        if dataset.subdatasets:
+            raise TerrainError(f"{path}: {len(dataset.subdatasets)} pages; allowed: one, the heights")
+        if dataset.dtypes[0].startswith("complex"):
             raise TerrainError(f"{path}: heights of the type {dataset.dtypes[0]}; allowed: real numbers")
-        block = math.prod(dataset.block_shapes[0]) * kind.itemsize
+        block = math.prod(dataset.block_shapes[0]) * np.dtype(dataset.dtypes[0]).itemsize
         if block > MOST_BYTES:
             raise TerrainError(f"{path}: it expands to more than {MOST_BYTES // 2**30} GB; allowed: up to that")
+        if min(dataset.shape) < 2:
+            raise TerrainError(f"{path}: {dataset.height} x {dataset.width} heights; allowed: at least 2 x 2")
+
+    def _check_numbers(self) -> None:
+        """Raise TerrainError where the numbers of the band are said to be other than heights."""
+        dataset, path = self._dataset, self._path
+        if dataset.tags(1).get("positive", "").lower() == "down":
+            raise TerrainError(f"{path}: depths, measured downwards (positive = down); allowed: heights")
+        meaning = "colours, by its colour table" if dataset.colorinterp[0].name == "palette" else ""
+        if any(b"<CategoryNames" in _sidecar(each) for each in dataset.files if each.endswith(".aux.xml")):
+            meaning = "categories, by their names"
+        if meaning:
+            raise TerrainError(
+                f"{path}: scale is missing; the numbers of the band are {meaning}: --scale says how many metres one is"
+            )
 
     def _projection(self) -> Any:
         """The coordinate system; TerrainError unless the picture lies on the ground."""
         dataset, crs, transform = self._dataset, self._dataset.crs, self._dataset.transform
+        if transform.is_identity and (dataset.gcps[0] or dataset.rpcs):
+            how = "ground control points" if dataset.gcps[0] else "rational polynomial coefficients"
+            raise TerrainError(f"{self._path}: placed by {how}; allowed: by a transform, which gdalwarp brings it to")
         if crs is None or not (crs.is_geographic or crs.is_projected):
             raise TerrainError(
                 f"{self._path}: no coordinate system on the ground (rio edit-info --crs writes one into the file)"
@@ -180,26 +214,29 @@ class _Reader:
 
     def raster(self, crop: Box | None) -> Raster:
         transform = self._dataset.transform
-        if self._kept and transform.b == transform.d == 0.0 and transform.a > 0.0 and transform.e < 0.0:
-            return self._north_up(crop)
+        if self._kept and transform.b == transform.d == 0.0:
+            return self._straight(crop)
         return self._turned(crop)
 
-    def _north_up(self, crop: Box | None) -> Raster:
+    def _straight(self, crop: Box | None) -> Raster:
+        """The picture if its sides run north and east: from the north or from the south, from the west or the east."""
         dataset = self._dataset
         unit = 1.0 if self._degrees else self._crs.linear_units_factor[1]
         transform = dataset.transform
-        step_north, step_east = -transform.e * unit, transform.a * unit
+        from_north, from_west = transform.e < 0.0, transform.a > 0.0
+        step_north, step_east = abs(transform.e) * unit, abs(transform.a) * unit
         # Heights are those of the pixels' centres.
-        west = (transform.c + 0.5 * transform.a) * unit
-        south = (transform.f + (dataset.height - 0.5) * transform.e) * unit
+        west = (transform.c + (0.5 if from_west else dataset.width - 0.5) * transform.a) * unit
+        south = (transform.f + (dataset.height - 0.5 if from_north else 0.5) * transform.e) * unit
         rows, columns = slice(0, dataset.height), slice(0, dataset.width)
         if crop is not None:
             rows, columns = within(crop, dataset.shape, (south, west), (step_north, step_east), self._name)
-        window = ((dataset.height - rows.stop, dataset.height - rows.start), (columns.start, columns.stop))
+        window = (_counted(rows, dataset.height, from_north), _counted(columns, dataset.width, not from_west))
         south, west = south + rows.start * step_north, west + columns.start * step_east
         latitude = south + 0.5 * (rows.stop - rows.start - 1) * step_north if self._degrees else None
         to_north, to_east = (1.0, 1.0) if latitude is None else self._ellipsoid.metres_per_degree(latitude)
-        z = self._read(window, min(step_north * to_north, step_east * to_east))[::-1]
+        order = slice(None, None, -1 if from_north else 1), slice(None, None, 1 if from_west else -1)
+        z = self._read(window, min(step_north * to_north, step_east * to_east), order)
         return self._labelled(Raster(self._name, z, step_north, step_east, latitude, south=south, west=west))
 
     def _turned(self, crop: Box | None) -> Raster:
@@ -223,25 +260,35 @@ class _Reader:
             raster, source=source, ellipsoid=self._ellipsoid, datum=self._heights.datum, taken=self._heights.taken
         )
 
-    def _read(self, window: Sequence[Sequence[int]] | None, step: float) -> Array:
-        """Heights (rows, cols) [m] in the order of the file, NaN where void; ``step`` [m] between neighbours."""
+    def _read(
+        self, window: Sequence[Sequence[int]] | None, step: float, order: tuple[slice, slice] | None = None
+    ) -> Array:
+        """Heights (rows, cols) [m], NaN where void; ``step`` [m] between neighbours.
+
+        ``order`` brings rows and columns of the file to south first and west first; they stay as they are without.
+        """
         dataset = self._dataset
         shape = dataset.shape if window is None else tuple(last - first for first, last in window)
         if math.prod(shape) > MOST_READ:
             raise TerrainError(f"{self._path}: {math.prod(shape)} heights; allowed: at most {MOST_READ}, --crop them")
         values = dataset.read(1, window=window, masked=True)
         void, raw = np.ma.getmaskarray(values), values.data
+        if dataset.count == 2:  # GDAL takes one of mask, alpha and the value of voids, here all count
+            void = void | (dataset.read(2, window=window) == 0)
         if dataset.nodata is None and dataset.dtypes[0] == "int16":
             void = void | (raw == UNSTATED_VOID)
-        if self._nodata is not None:
-            with np.errstate(over="ignore"):
-                void = void | (raw == np.float64(self._nodata)) | (raw == np.float32(self._nodata))
+        for value in (dataset.nodata, self._nodata):
+            if value is not None:
+                with np.errstate(over="ignore"):
+                    void = void | (raw == np.float64(value)) | (raw == np.float32(value))
+        if order is not None:
+            void, raw = void[order], raw[order]
         with np.errstate(over="ignore", invalid="ignore"):
             z = raw.astype(np.float64) * dataset.scales[0] + dataset.offsets[0]
             z = np.where(void | ~np.isfinite(raw), np.nan, z * self._heights.metres)
         allowed = self._allowed or (GROUND if EARTH[0] < self._ellipsoid.semi_major < EARTH[1] else None)
         if self._allowed is None or not self._vouched(z):
-            check_ground(raw, z, step, allowed, str(self._path))
+            check_ground(raw, z, step, allowed, str(self._path), south_up=order is not None)
         return z
 
     def _vouched(self, z: Array) -> bool:

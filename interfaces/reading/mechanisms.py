@@ -18,6 +18,7 @@ _NOT_A_NUMBER = re.compile(rb"\w+\s*=\s*[\"'][\s\d.e+-]*\bnan\b[\s\d.e+-]*[\"']"
 _FILE = re.compile(rb"""\bfile\s*=\s*["']([^"'\0]*)["']""")
 _FOLDER = re.compile(rb"""\b(?:mesh|texture|asset)dir\s*=\s*["']([^"'\0]*)["']""")
 _ELEMENT = re.compile(rb"<[^<>]*>")
+_XACRO = re.compile(rb"<xacro:\w+")  # of files that are to be expanded first; MuJoCo passes over them
 _DECLARATION = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 
@@ -42,6 +43,8 @@ def _check(path: Path, folder: Path, error: Refusal, seen: set[Path]) -> None:
     content = read_bytes(path, error, MOST_MJCF)
     if _DECLARATION.search(content):
         raise error(f"{path}: it declares a document type or entities; allowed: MJCF, which has neither")
+    if found := _XACRO.search(content):
+        raise error(f"{path}: {found[0].decode()}; allowed: what xacro has expanded the file to")
     if found := _NOT_A_NUMBER.search(content):
         raise error(f"{path}: {found[0].decode()}; allowed: finite numbers")
     elements = _ELEMENT.findall(content)

@@ -212,6 +212,9 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     _copy(arena.visual, own.visual)
     for size in _SIZES:
         setattr(arena, size, getattr(own, size))
+    # Of a compiler, these two are those of the arena; the others stay with what is attached.
+    arena.compiler.fitaabb = own.compiler.fitaabb
+    _copy(own.compiler.LRopt, arena.compiler.LRopt)
     if own.compiler.settotalmass > 0.0:
         _keep_masses(own, alone)
     arena.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a state that diverges has to be visible

@@ -1,0 +1,167 @@
+"""Write the tables of inputs, docs/reference/inputs.md, from docs/inputs.toml and the markers of the tests.
+
+    python docs/list_inputs.py           writes the page; lists what lacks a test, and exits with 1 if anything does
+    python docs/list_inputs.py --check   the same, without writing
+
+docs/inputs.toml has what the standard of each kind of file lets a file say, feature by feature. A test that shows one
+bears ``@pytest.mark.honoured(kind, feature)`` or ``@pytest.mark.refused(kind, feature)``: on the function, on its class,
+or in the ``marks`` of one of its cases. The text outside of the tables is written by hand.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "reference" / "inputs.md"
+FEATURES = ROOT / "docs" / "inputs.toml"
+TESTS = ROOT / "tests"
+TABLES = re.compile(r"(<!-- inputs -->\n).*(<!-- end -->)", re.DOTALL)
+VERDICTS = ("honoured", "refused")
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A marker of a test: what the product does with a feature of a kind of file."""
+
+    verdict: str
+    kind: str
+    feature: str
+    test: str  # path::name
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file: its standard, and what that lets a file say."""
+
+    standard: str
+    features: Mapping[str, Sequence[str]]  # by group
+
+    @property
+    def all(self) -> list[str]:
+        """Features of all groups."""
+        return [feature for group in self.features.values() for feature in group]
+
+
+def kinds() -> dict[str, Kind]:
+    """Return the kinds of files of docs/inputs.toml; ValueError for a feature that stands there twice."""
+    tables = tomllib.loads(FEATURES.read_text(encoding="utf-8"))
+    found = {name: Kind(table["standard"], table["features"]) for name, table in tables.items()}
+    for name, kind in found.items():
+        twice = {feature for feature in kind.all if kind.all.count(feature) > 1}
+        if twice:
+            raise ValueError(f"{FEATURES.name}: {name}: {', '.join(sorted(twice))} twice; allowed: once")
+    return found
+
+
+def markers(folder: Path = TESTS) -> list[Marker]:
+    """Return all markers of the tests, read without importing them."""
+    return [
+        marker
+        for path in sorted(folder.rglob("test_*.py"))
+        for marker in _of_file(path, path.relative_to(folder.parent).as_posix())
+    ]
+
+
+def _of_file(path: Path, name: str) -> Iterator[Marker]:
+    text = path.read_text(encoding="utf-8")
+    if not any(f"mark.{verdict}" in text for verdict in VERDICTS):
+        return
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ClassDef):
+            for inner in node.body:
+                if isinstance(inner, ast.FunctionDef) and inner.name.startswith("test"):
+                    yield from _of_test(
+                        [*node.decorator_list, *inner.decorator_list], f"{name}::{node.name}::{inner.name}"
+                    )
+        elif isinstance(node, ast.FunctionDef) and node.name.startswith("test"):
+            yield from _of_test(node.decorator_list, f"{name}::{node.name}")
+
+
+def _of_test(decorators: Sequence[ast.expr], test: str) -> Iterator[Marker]:
+    for node in (inner for decorator in decorators for inner in ast.walk(decorator)):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in VERDICTS):
+            continue
+        words = [each.value for each in node.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+        if len(words) != 2 or len(node.args) != 2 or node.keywords:
+            raise ValueError(
+                f"{test}: {ast.unparse(node)}; allowed: {node.func.attr}(kind, feature), two literal texts"
+            )
+        yield Marker(node.func.attr, words[0], words[1], test)
+
+
+def faults(listed: Mapping[str, Kind], marked: Sequence[Marker]) -> list[str]:
+    """Return a line for each feature that no test shows, and for each marker of a feature that is not listed."""
+    shown = {(marker.kind, marker.feature) for marker in marked}
+    lines = [
+        f"{kind}: {feature}: neither honoured nor refused by any test"
+        for kind, table in listed.items()
+        for feature in table.all
+        if (kind, feature) not in shown
+    ]
+    known = {(kind, feature) for kind, table in listed.items() for feature in table.all}
+    lines += [
+        f"{marker.kind}: {marker.feature}: not in {FEATURES.name}, {marker.verdict} in {marker.test}"
+        for marker in marked
+        if (marker.kind, marker.feature) not in known
+    ]
+    return lines
+
+
+def tables(listed: Mapping[str, Kind], marked: Sequence[Marker]) -> str:
+    """Return one table for each kind of file, a row for each feature."""
+    tests: dict[tuple[str, str, str], list[str]] = {}
+    for marker in marked:
+        named = tests.setdefault((marker.verdict, marker.kind, marker.feature), [])
+        if marker.test not in named:
+            named.append(marker.test)
+    parts = []
+    for kind, table in listed.items():
+        parts.append(f"## {kind}\n\n{table.standard}\n\n| feature | honoured | refused |\n|---|---|---|\n")
+        for group, features in table.features.items():
+            parts.append(f"| **{group}** | | |\n")
+            for feature in features:
+                cells = (_cell(tests.get((verdict, kind, feature), ())) for verdict in VERDICTS)
+                parts.append(f"| {_escaped(feature)} | {' | '.join(cells)} |\n")
+        parts.append("\n")
+    return "".join(parts)
+
+
+def _cell(tests: Sequence[str]) -> str:
+    return "<br>".join(f"`{test.removeprefix('tests/')}`" for test in tests)
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\*_`|<>\[\]$#{}])", r"\\\1", text)
+
+
+def written() -> str:
+    """Return the page with the present tables."""
+    text = PAGE.read_text(encoding="utf-8")
+    return TABLES.sub(lambda found: f"{found[1]}\n{tables(kinds(), markers())}{found[2]}", text)
+
+
+def main(argv: Sequence[str]) -> int:
+    if argv not in ([], ["--check"]):
+        print("usage: python docs/list_inputs.py [--check]", file=sys.stderr)
+        return 2
+    lines = faults(kinds(), markers())
+    for line in lines:
+        print(line)
+    page = written()
+    if not argv:
+        PAGE.write_text(page, encoding="utf-8")
+    elif page != PAGE.read_text(encoding="utf-8"):
+        lines.append(f"{PAGE.name}: python docs/list_inputs.py")
+        print(lines[-1])
+    return 1 if lines else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main(sys.argv[1:]))

@@ -1,0 +1,64 @@
+"""Every feature of every kind of file is honoured or refused by a test, and the page says by which."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.programs import program
+
+list_inputs = program("docs/list_inputs.py")
+
+
+def test_every_feature_has_a_test_every_marker_a_feature_and_the_page_is_the_present_one() -> None:
+    assert list_inputs.faults(list_inputs.kinds(), list_inputs.markers()) == []
+    assert list_inputs.PAGE.read_text(encoding="utf-8") == list_inputs.written(), "python docs/list_inputs.py"
+
+
+SOURCE = """
+import pytest
+
+@pytest.mark.honoured("DEM", "rotation")
+class TestPlace:
+    @pytest.mark.refused("DEM", "no place")
+    def test_it(self): ...
+
+@pytest.mark.parametrize("case", [pytest.param(1, marks=pytest.mark.honoured("DEM", "zip"))])
+def test_cases(case): ...
+
+def helper(): pytest.mark.honoured("DEM", "nothing")
+"""
+
+
+def markers_of(folder: Path, source: str) -> list[tuple[str, str, str]]:
+    path = folder / "tests" / "terrain" / "test_dem.py"
+    path.parent.mkdir(parents=True)
+    path.write_text(source)
+    return [(each.verdict, each.feature, each.test) for each in list_inputs.markers(folder / "tests")]
+
+
+def test_markers_are_found_on_functions_classes_and_cases(tmp_path: Path) -> None:
+    place = "tests/terrain/test_dem.py::TestPlace::test_it"
+    assert markers_of(tmp_path, SOURCE) == [
+        ("honoured", "rotation", place),
+        ("refused", "no place", place),
+        ("honoured", "zip", "tests/terrain/test_dem.py::test_cases"),
+    ]
+
+
+@pytest.mark.parametrize("words", ['"DEM"', '"DEM", NAME', '"DEM", "a", "b"', 'kind="DEM", feature="a"'])
+def test_a_marker_that_cannot_be_read_names_its_test(tmp_path: Path, words: str) -> None:
+    source = f"@pytest.mark.honoured({words})\ndef test_it(): ..."
+    with pytest.raises(ValueError, match=r"test_dem\.py::test_it: .* allowed: honoured\(kind, feature\)"):
+        markers_of(tmp_path, source)
+
+
+def test_what_lacks_a_test_and_what_is_not_listed_are_named() -> None:
+    listed = {"DEM": list_inputs.Kind("GDAL's", {"place": ("rotation", "south up")})}
+    marked = [list_inputs.Marker("refused", "DEM", each, "a.py::test") for each in ("rotation", "sheer")]
+    assert list_inputs.faults(listed, marked) == [
+        "DEM: south up: neither honoured nor refused by any test",
+        "DEM: sheer: not in inputs.toml, refused in a.py::test",
+    ]
+    assert "| rotation |  | `a.py::test` |" in list_inputs.tables(listed, marked)

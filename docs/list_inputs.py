@@ -4,8 +4,8 @@
     python docs/list_inputs.py --check   the same, without writing
 
 docs/inputs.toml has what the standard of each kind of file lets a file say, feature by feature. A test that shows one
-bears ``@pytest.mark.honoured(kind, feature)`` or ``@pytest.mark.refused(kind, feature)``: on the function, on its class,
-or in the ``marks`` of one of its cases. The text outside of the tables is written by hand.
+bears ``@pytest.mark.honoured(kind, feature)`` or ``@pytest.mark.refused(kind, feature)``: on the function, on its
+class, or in the ``marks`` of one of its cases. The text outside of the tables is written by hand.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ def tables(listed: Mapping[str, Kind], marked: Sequence[Marker]) -> str:
             named.append(marker.test)
     parts = []
     for kind, table in listed.items():
-        parts.append(f"## {kind}\n\n{table.standard}\n\n| feature | honoured | refused |\n|---|---|---|\n")
+        parts.append(f"## {kind}\n\n{table.standard}\n\n{{.data}}\n| feature | honoured | refused |\n|---|---|---|\n")
         for group, features in table.features.items():
             parts.append(f"| **{group}** | | |\n")
             for feature in features:

@@ -114,8 +114,12 @@ def _copy(content: IO[bytes] | gzip.GzipFile, target: Path, path: Path, total: i
     return total
 
 
-def check_virtual(path: Path) -> None:
-    """Raise TerrainError for a virtual raster (``.vrt``) that does more than place pictures of its own folder."""
+def check_virtual(path: Path) -> list[Path]:
+    """Return the pictures that a virtual raster (``.vrt``) places.
+
+    Raises TerrainError for one that does more than place pictures of its own folder.
+    """
+    sources = []
     content = read_bytes(path, TerrainError, MOST_TEXT)
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise TerrainError(f"{path}: it declares entities; allowed: elements alone")
@@ -128,16 +132,18 @@ def check_virtual(path: Path) -> None:
             what = each.attrib.get("subClass", each.tag)
             raise TerrainError(f"{path}: {what}; allowed: a mosaic of pictures, SimpleSource or ComplexSource")
         if each.tag == "SourceFilename":
-            _check_source(path, (each.text or "").strip())
+            sources.append(_source(path, (each.text or "").strip()))
+    return [source for source in dict.fromkeys(sources) if source.is_file()]
 
 
-def _check_source(path: Path, name: str) -> None:
+def _source(path: Path, name: str) -> Path:
     folder = path.parent.resolve()
     source = (folder / name).resolve()
     if not name or "://" in name or "/vsi" in name or not source.is_relative_to(folder):
         raise TerrainError(f"{path}: it refers to {name!r}; allowed: a file in its own folder")
     if source.suffix.lower() not in (".tif", ".tiff", ".hgt", ".img", ".asc", ".bil"):
         raise TerrainError(f"{path}: it refers to {name!r}; allowed: a picture, .tif, .hgt, .img, .asc or .bil")
+    return source
 
 
 def check_files(path: Path, files: list[str]) -> None:

@@ -21,6 +21,8 @@ import numpy as np
 from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.reading.files import MOST_TEXT, read_bytes
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.terrain.ascii_grid import check_ascii_grid
+from mathnavi.models.terrain.classic_netcdf import check_whole
 from mathnavi.models.terrain.ellipsoid import DEGREE, EARTH, Ellipsoid
 from mathnavi.models.terrain.packed_files import MOST_BYTES, check_files, check_virtual, unpacked
 from mathnavi.models.terrain.placement import corners_of, located, true_to_scale
@@ -40,6 +42,7 @@ FORMATS = {
     ".vrt": "VRT",
 }
 """GDAL's driver by the ending of a file"""
+OPTIONS = {".asc": {"DATATYPE": "Float64"}}  # where GDAL takes whole numbers, NaN becomes 0
 TILES = ((1201, 1201), (3601, 3601), (3601, 1801))  # nodes north and east of an SRTM tile
 MOST_READ = 2**27  # heights, of the part of a file that is read
 UNSTATED_VOID = -32768  # where 16-bit heights state no void: SRTM's
@@ -66,13 +69,14 @@ def read_raster(
     from rasterio.errors import RasterioError, RasterioIOError
 
     with unpacked(path, tuple(FORMATS)) as file:
-        _check_before(file)
+        ending = file.suffix.lower()
         try:
+            _check_before(file)
             # It warns of a missing place, which is an error below. Pictures may name files, and none is fetched.
             with (
                 warnings.catch_warnings(action="ignore"),
                 rasterio.Env(GDAL_VRT_ENABLE_PYTHON="NO", GDAL_HTTP_MAX_RETRY=0, CPL_DEBUG=False),
-                rasterio.open(file, driver=FORMATS[file.suffix.lower()]) as dataset,
+                rasterio.open(file, driver=FORMATS[ending], **OPTIONS.get(ending, {})) as dataset,
             ):
                 check_files(file, dataset.files)
                 return _Reader(dataset, path, file, scale, nodata, heights).raster(crop)
@@ -83,9 +87,16 @@ def read_raster(
 
 
 def _check_before(file: Path) -> None:
-    """Raise TerrainError for a file that GDAL would not recognise, or follow to others."""
+    """Raise TerrainError for a file that GDAL would not recognise, follow to others, or read beyond its end."""
     if file.suffix.lower() == ".vrt":
-        check_virtual(file)
+        for source in check_virtual(file):
+            _check_before(source)
+    if file.suffix.lower() == ".asc":
+        check_ascii_grid(file)
+    if file.suffix.lower() == ".nc":
+        check_whole(file, MOST_BYTES)
+    if file.suffix.lower() in (".bil", ".flt"):
+        _check_raw(file)
     if file.suffix.lower() == ".hgt":
         if re.match(r"[NS]\d{2}[EW]\d{3}", file.stem, re.IGNORECASE) is None:
             raise TerrainError(f"{file}: the name must state the south-west corner, as N42E080.hgt does")
@@ -93,6 +104,17 @@ def _check_before(file: Path) -> None:
         if size not in {2 * rows * columns for rows, columns in TILES}:
             allowed = ", ".join(f"{2 * rows * columns} ({rows} x {columns})" for rows, columns in TILES)
             raise TerrainError(f"{file}: {size} bytes are not a whole tile; allowed: {allowed}")
+
+
+def _check_raw(file: Path) -> None:
+    """Raise TerrainError for a raw file that is too short: GDAL reads zeros beyond its end."""
+    import rasterio
+
+    with rasterio.open(file, driver="EHdr") as dataset:
+        bits = dataset.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(dataset.dtypes[0]).itemsize)
+        wanted = -(-dataset.count * dataset.height * dataset.width * int(bits) // 8)
+    if file.stat().st_size < wanted:
+        raise TerrainError(f"{file}: {file.stat().st_size} bytes; allowed: {wanted}, as its .hdr says")
 
 
 def _kind(file: Path) -> str:
@@ -149,7 +171,7 @@ class _Reader:
     ) -> None:
         self._dataset, self._path, self._nodata, self._allowed = dataset, path, nodata, heights
         self._name = file.stem.partition(".")[0] if file.suffix.lower() == ".hgt" else file.stem
-        self._check_bands()
+        self._check_bands(file)
         if scale is None:
             self._check_numbers()
         self._crs = self._projection()
@@ -164,19 +186,28 @@ class _Reader:
         self._kept = degrees or (self._crs.is_projected and true_to_scale(dataset, self._ellipsoid))
         self._degrees = degrees or not self._kept  # of the grid
 
-    def _check_bands(self) -> None:
+    def _check_bands(self, file: Path) -> None:
         dataset, path = self._dataset, self._path
         names = [each.name for each in dataset.colorinterp]
         if dataset.count != 1 and not (dataset.count == 2 and names[1] == "alpha"):
             more = f", {len(dataset.subdatasets)} variables" if dataset.subdatasets else ""
             raise TerrainError(f"{path}: {dataset.count} bands{more}; allowed: one, the heights")
-        if dataset.subdatasets:
+        if dataset.driver == "GTiff" and dataset.subdatasets:
             raise TerrainError(f"{path}: {len(dataset.subdatasets)} pages; allowed: one, the heights")
         if dataset.dtypes[0].startswith("complex"):
             raise TerrainError(f"{path}: heights of the type {dataset.dtypes[0]}; allowed: real numbers")
         block = math.prod(dataset.block_shapes[0]) * np.dtype(dataset.dtypes[0]).itemsize
         if block > MOST_BYTES:
             raise TerrainError(f"{path}: it expands to more than {MOST_BYTES // 2**30} GB; allowed: up to that")
+        if (masked := Path(f"{file}.msk")).exists() and not any(
+            flag.name == "per_dataset" for flag in dataset.mask_flag_enums[0]
+        ):
+            raise TerrainError(f"{path}: its mask {masked.name} cannot be read")
+        scale, offset = dataset.scales[0], dataset.offsets[0]
+        if not (math.isfinite(scale) and scale and math.isfinite(offset)):
+            raise TerrainError(
+                f"{path}: the band has scale {scale:g} and offset {offset:g}; allowed: finite, no scale 0"
+            )
         if min(dataset.shape) < 2:
             raise TerrainError(f"{path}: {dataset.height} x {dataset.width} heights; allowed: at least 2 x 2")
 

@@ -31,6 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.honoured("image", "GIF, WebP that play over and over")
 @needs_opengl
 def test_a_clip_plays_over_and_over_and_holds_its_last_picture(folder: Path, tmp_path: Path) -> None:
     path = write_clip(folder, begin=0.5, end=2.0, path=tmp_path / "clip.webp", **SMALL)  # type: ignore[arg-type]
@@ -61,6 +62,7 @@ def test_a_clip_of_a_run_whose_highlight_is_one_moment_shows_the_whole_run(
         assert (moments[0], moments[-1]) == pytest.approx(expected)
 
 
+@pytest.mark.refused("image", "clips that are too large")
 def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clip, "MOST_BYTES", 100)
     monkeypatch.setattr(clip, "draw", lambda *_: (picture for picture in (GREY,)))

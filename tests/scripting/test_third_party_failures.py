@@ -75,6 +75,7 @@ NOTHING = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': build\(\) returned 
 IN_FLIGHT = (PluginError, rf"scenarios: '{re.escape(BROKEN)}': a run failed: KeyError: 'colour' \(.*:\d+\)$")
 
 
+@pytest.mark.refused("plug-in", "a scenario that fails in a run")
 @pytest.mark.parametrize(
     ("way", "failure", "expected"),
     [

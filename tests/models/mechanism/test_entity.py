@@ -68,6 +68,7 @@ def test_a_file_of_anybody_keeps_its_options_and_its_floor(tmp_path: Path, floor
         assert model.geom_contype[planes[0]] == model.geom_conaffinity[planes[0]] == 0
 
 
+@pytest.mark.honoured("MJCF", "elements without a name")
 def test_what_has_no_name_in_a_file_gets_one(tmp_path: Path) -> None:
     file = tmp_path / "nameless.xml"
     file.write_text(
@@ -83,6 +84,7 @@ def test_what_has_no_name_in_a_file_gets_one(tmp_path: Path) -> None:
     assert plant.state_names("it")[0] == "position_joint_0_ [rad]"
 
 
+@pytest.mark.honoured("MJCF", "joint free")
 def test_a_floating_base_stays_on_top_of_the_world_and_falls(tmp_path: Path) -> None:
     free = tmp_path / "free.xml"
     free.write_text(
@@ -96,6 +98,7 @@ def test_a_floating_base_stays_on_top_of_the_world_and_falls(tmp_path: Path) -> 
     assert data.qacc[2] == pytest.approx(-9.81)
 
 
+@pytest.mark.refused("MJCF", "no joints")
 def test_what_is_no_mechanism_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"mechanism = 'octopus'; allowed: rigid-body, .*path *of an MJCF file"):
         build_model("octopus")

@@ -63,6 +63,10 @@ def arm(tmp_path: Path) -> Path:
     return folder / "arm.xml"
 
 
+@pytest.mark.honoured("MJCF", "include")
+@pytest.mark.honoured("MJCF", "compiler meshdir, texturedir, assetdir, strippath")
+@pytest.mark.honoured("MJCF", "asset mesh, texture, hfield in files")
+@pytest.mark.honoured("MJCF", "model, attach")
 def test_it_can_be_built_from_these_files_alone(arm: Path, tmp_path: Path) -> None:
     """So none is forgotten."""
     contents = files_of(arm)

@@ -268,6 +268,8 @@ REFUSED = {
 }
 
 
+@pytest.mark.refused("MJCF", "armature of tendons, and of actuators that turn no slide or hinge")
+@pytest.mark.refused("MJCF", "a joint that moves no mass")
 @pytest.mark.parametrize(("reason", "model"), REFUSED.items(), ids=REFUSED)
 def test_what_is_no_mechanism_is_refused(reason: str, model: mujoco.MjModel) -> None:
     with pytest.raises(ValueError, match=f"model = one with {reason}.*; allowed: joints, each of which moves mass"):

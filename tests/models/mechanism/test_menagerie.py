@@ -44,6 +44,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
+@pytest.mark.honoured("MJCF", "robots of MuJoCo Menagerie")
 def test_a_robot_in_the_cache_is_loaded_as_it_is(cache: Path) -> None:
     """With its mesh, what it includes, its defaults and its keyframe."""
     name = f"menagerie:{ROBOT}"

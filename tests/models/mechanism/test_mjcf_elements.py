@@ -210,6 +210,14 @@ from tests.models.mechanism.test_same_model import differences
             marks=pytest.mark.honoured("MJCF", "geom adhesion"),
         ),
         pytest.param(
+            "",
+            '<flexcomp name="cloth" type="grid" dim="2" count="3 3 1" spacing=".1 .1 .1" pos="2 0 2" '
+            'radius=".01" mass="1">'
+            '<elasticity young="1e3"/><pin id="0"/></flexcomp>',
+            "",
+            marks=pytest.mark.honoured("MJCF", "flexcomp elasticity, pin"),
+        ),
+        pytest.param(
             '<option><flag sleep="enable"/></option>',
             f'{GROUND}<body pos="1 0 .1" sleep="allowed"><freejoint/><geom size=".1"/></body>',
             "",

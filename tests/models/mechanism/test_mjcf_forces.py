@@ -217,6 +217,24 @@ from tests.models.mechanism.test_same_model import differences
         ),
         pytest.param(
             "",
+            "",
+            '<actuator><muscle joint="a" lengthrange="0 1"/></actuator>',
+            marks=pytest.mark.honoured("MJCF", "actuator muscle"),
+        ),
+        pytest.param(
+            "",
+            "",
+            '<actuator><cylinder joint="a" timeconst=".1"/></actuator>',
+            marks=pytest.mark.honoured("MJCF", "actuator cylinder"),
+        ),
+        pytest.param(
+            "",
+            "",
+            '<actuator><intvelocity joint="a" kp="3" actrange="-1 1"/></actuator>',
+            marks=pytest.mark.honoured("MJCF", "actuator intvelocity"),
+        ),
+        pytest.param(
+            "",
             '<geom name="far" size=".1" pos="3 0 0"/>',
             '<sensor><distance body1="upper" geom2="far"/>'
             '<insidesite site="tip" objtype="body" objname="upper"/><contact body1="upper"/></sensor>',

@@ -60,6 +60,7 @@ def differences(path: Path) -> list[str]:
     return found
 
 
+@pytest.mark.honoured("MJCF", "files of dm_control and of Gymnasium")
 @pytest.mark.parametrize("folder", [SUITE, GYMNASIUM], ids=["dm_control", "gymnasium"])
 def test_files_of_others_are_the_models_that_mujoco_makes_of_them(folder: list[Path]) -> None:
     assert len(folder) > 10

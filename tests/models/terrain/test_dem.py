@@ -47,6 +47,7 @@ def heights() -> NDArray[np.float64]:
     return np.random.default_rng(0).integers(0, 3000, (5, 7)).astype(np.float64)
 
 
+@pytest.mark.honoured("DEM", ".npz: z, spacing_m, name, source, licence")
 def test_an_npz_comes_back_as_it_was_written(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     terrain = HeightField(heights + 0.25, 92.5, "hills", "me", "CC0")
     write_npz(terrain, tmp_path / "a.npz")
@@ -60,6 +61,7 @@ def test_an_npz_without_a_name_bears_that_of_its_file(tmp_path: Path) -> None:
     assert read_npz(save_npz(tmp_path / "dunes.npz", np.zeros((2, 3), np.float32), {"spacing_m": 5})).name == "dunes"
 
 
+@pytest.mark.refused("DEM", ".npz: meta or z that is malformed, pickled objects")
 @pytest.mark.parametrize(
     ("z", "meta", "message"),
     [
@@ -90,6 +92,7 @@ def test_a_bad_npz_names_its_culprit(tmp_path: Path, z: Any, meta: Any, message:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.refused("DEM", ".npz: no z, no meta")
 @pytest.mark.parametrize("missing", ["z", "meta"])
 def test_an_npz_without_a_part_names_it(tmp_path: Path, missing: str) -> None:
     parts = {"z": np.zeros((2, 2)), "meta": np.array('{"spacing_m": 1}')}
@@ -99,6 +102,7 @@ def test_an_npz_without_a_part_names_it(tmp_path: Path, missing: str) -> None:
         read_npz(tmp_path / "bad.npz")
 
 
+@pytest.mark.refused("DEM", ".npz: damaged")
 def test_a_file_that_is_no_npz_or_cut_off_or_a_bare_array_is_refused(
     tmp_path: Path, heights: NDArray[np.float64]
 ) -> None:
@@ -118,6 +122,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path, name: str) -> None:
         import_dem(tmp_path / name, tmp_path / "out.npz", spacing=1.0, scale=1.0)
 
 
+@pytest.mark.honoured("DEM", ".png: 16-bit grey")
 def test_a_png_is_flipped_and_scaled(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save_png(tmp_path / "a.png", heights[::-1].astype(np.uint16))
     terrain = import_dem(path, tmp_path / "out.npz", spacing=25.0, scale=0.5)
@@ -131,6 +136,11 @@ VOID = np.where(np.arange(1201)[:, None] > 0, -32768, TILE)
 PNG: dict[str, Any] = {"spacing": 10.0, "scale": 1.0}
 
 
+@pytest.mark.refused("DEM", ".png: 8 bits, colours")
+@pytest.mark.refused("DEM", ".png: no --spacing, no --scale")
+@pytest.mark.refused("DEM", ".hgt: another number of nodes")
+@pytest.mark.refused("DEM", ".hgt: no corner in the name")
+@pytest.mark.refused("DEM", "an ending that is not known")
 @pytest.mark.parametrize(
     ("name", "content", "options", "message"),
     [
@@ -175,6 +185,7 @@ def test_what_is_no_map_is_refused(
     assert not (tmp_path / "out.npz").exists()
 
 
+@pytest.mark.refused("DEM", ".png: truncated")
 def test_a_picture_cut_off_is_refused(tmp_path: Path) -> None:
     values = np.random.default_rng(0).integers(0, 60000, (64, 64)).astype(np.uint16)
     path = save_png(tmp_path / "a.png", values)
@@ -184,6 +195,7 @@ def test_a_picture_cut_off_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "out.npz").exists()
 
 
+@pytest.mark.honoured("DEM", ".hgt: corner in the name, nodes on the borders")
 def test_an_hgt_tile_is_flipped_and_brought_to_square_metres(tmp_path: Path) -> None:
     north, east = WGS84.metres_per_degree(42.5)
     row, column = np.mgrid[0:1201, 0:1201]
@@ -212,6 +224,7 @@ def test_metres_per_degree_are_those_of_the_ellipsoid() -> None:
         assert WGS84.metres_per_degree(latitude) == pytest.approx((north, east), abs=0.5)
 
 
+@pytest.mark.honoured("DEM", ".hgt: -32768 as a void")
 def test_voids_are_counted_and_the_first_is_placed(tmp_path: Path) -> None:
     values = np.zeros((1201, 1201))
     values[1200, 7] = values[1100, 900] = -32768  # the last row is south

@@ -238,3 +238,17 @@ def test_numbers_of_colours_and_categories_are_no_heights_until_somebody_says_so
         "</PAMDataset>"
     )
     assert "the numbers of the band are categories, by their names" in refusal(named)
+
+
+@pytest.mark.refused("DEM", "mask that cannot be read")
+@pytest.mark.refused("DEM", "scale of 0 or that is not finite")
+def test_what_beside_a_file_makes_no_sense_is_refused(tmp_path: Path) -> None:
+    path = save(tmp_path / "a.tif", VALUES)
+    (tmp_path / "a.tif.msk").write_bytes(path.read_bytes()[:200])
+    assert "its mask a.tif.msk cannot be read" in refusal(path)
+    for scale in ("0", "nan", "inf"):
+        named = save(tmp_path / "b.tif", VALUES)
+        (tmp_path / "b.tif.aux.xml").write_text(
+            f"<PAMDataset><PAMRasterBand band='1'><Scale>{scale}</Scale></PAMRasterBand></PAMDataset>"
+        )
+        assert f"scale {scale} and offset 0; allowed: finite, no scale 0" in refusal(named)

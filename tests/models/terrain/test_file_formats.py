@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import warnings
 import zipfile
 from collections.abc import Callable
@@ -16,7 +17,11 @@ from PIL import Image
 from rasterio.crs import CRS
 from rasterio.shutil import copy
 from rasterio.transform import from_origin
+from scipy.io import netcdf_file
 
+from mathnavi.interfaces.errors import TerrainError
+from mathnavi.models.terrain.classic_netcdf import check_whole
+from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.raster_file import read_raster
 from tests.models.terrain.test_file_features import FIRST, SOUTH_FIRST, VALUES, imported, refusal
 from tests.models.terrain.test_geotiff import CORNER, UTM, WEB_MERCATOR, save
@@ -101,8 +106,31 @@ def test_an_ascii_grid_that_begins_with_whole_numbers_keeps_its_fractions(tmp_pa
     np.testing.assert_array_equal(imported(tmp_path / "a.asc"), values[::-1])
 
 
+@pytest.mark.honoured("DEM", ".asc: nan, decimal comma")
+@pytest.mark.refused("DEM", ".asc: words, or another number of heights than rows and columns")
+@pytest.mark.parametrize(
+    ("numbers", "found"),
+    [
+        ("1 nan 3\n4 5 6", [[4.0, 5.0, 6.0], [1.0, np.nan, 3.0]]),  # whole numbers, which know no NaN
+        ("1,5 2 3\n4 5 6,25\n", [[4.0, 5.0, 6.25], [1.5, 2.0, 3.0]]),
+        ("1 2\n3 4 5\n6", [[4.0, 5.0, 6.0], [1.0, 2.0, 3.0]]),
+        ("1 2 3\n4 5 6\n7", "7 heights; allowed: 6, 2 rows of 3"),
+        ("1 2 3\n4 5", "5 heights; allowed: 6, 2 rows of 3"),
+        ("1 2 3\n4 tree 6", "'tree' among the heights; allowed: numbers"),
+    ],
+)
+def test_an_ascii_grid_has_a_number_for_each_node(tmp_path: Path, numbers: str, found: list[list[float]] | str) -> None:
+    path = tmp_path / "a.asc"
+    path.write_text(f"ncols 3\nnrows 2\nxllcorner 500000\nyllcorner 4000000\ncellsize 30\n{numbers}")
+    prj(path)
+    if isinstance(found, str):
+        assert found in refusal(path)
+    else:
+        np.testing.assert_array_equal(read_raster(path).z, found)
+
+
 @pytest.mark.honoured("DEM", ".bil, .flt: byte order, type and void in .hdr")
-@pytest.mark.refused("DEM", ".bil, .flt: no .hdr")
+@pytest.mark.refused("DEM", ".bil, .flt: no .hdr, truncated")
 @pytest.mark.parametrize(
     ("ending", "dtype", "kind"),
     [(".bil", "<i2", "SIGNEDINT"), (".bil", ">u2", "UNSIGNEDINT"), (".flt", ">f4", "FLOAT")],
@@ -117,6 +145,8 @@ def test_a_header_says_how_heights_are_stored(tmp_path: Path, ending: str, dtype
     )
     prj(path)
     np.testing.assert_array_equal(read_raster(path).z[::-1], np.where(FIRST, np.nan, HEIGHTS))
+    path.write_bytes(path.read_bytes()[:-1])
+    assert f"{24 * 31 * np.dtype(dtype).itemsize - 1} bytes; allowed: " in refusal(path)
 
 
 @pytest.mark.honoured("DEM", ".nc: scale_factor, add_offset, _FillValue, units")
@@ -132,6 +162,41 @@ def test_a_netcdf_variable_says_how_it_is_packed(tmp_path: Path) -> None:
         file.update_tags(1, positive="down")
     copy(tmp_path / "d.tif", tmp_path / "d.nc", driver="netCDF")
     assert "depths, measured downwards" in refusal(tmp_path / "d.nc")
+
+
+@pytest.mark.refused("DEM", ".nc, .img: truncated")
+@pytest.mark.parametrize(
+    ("ending", "driver", "how"),
+    [
+        *((".nc", "netCDF", {"FORMAT": name}) for name in ("NC", "NC2", "NC4")),
+        (".img", "HFA", {}),
+        (".img", "HFA", {"COMPRESSED": "YES"}),
+    ],
+)
+def test_what_is_cut_off_is_no_sea(tmp_path: Path, ending: str, driver: str, how: dict[str, str]) -> None:
+    copy(save(tmp_path / "a.tif", VALUES), tmp_path / f"a{ending}", driver=driver, **how)
+    path = tmp_path / f"a{ending}"
+    np.testing.assert_array_equal(read_raster(path).z, SOUTH_FIRST)
+    whole = path.read_bytes()
+    for length in (20, len(whole) // 2, len(whole) * 9 // 10):
+        path.write_bytes(whole[:length])
+        refusal(path)
+
+
+def test_a_netcdf_file_of_records_has_all_of_them(tmp_path: Path) -> None:
+    for version in (1, 2):
+        with netcdf_file(tmp_path / "a.nc", "w", version=version) as file:
+            file.title = "heights"
+            for name, size in (("t", None), ("x", 3)):
+                file.createDimension(name, size)
+            for name, kind, dimensions in (("z", "h", ("t", "x")), ("u", "d", ("t",)), ("x", "d", ("x",))):
+                file.createVariable(name, kind, dimensions)
+            file.variables["z"][:4], file.variables["u"][:4] = np.ones((4, 3)), np.ones(4)
+        size = (tmp_path / "a.nc").stat().st_size
+        check_whole(tmp_path / "a.nc", size)
+        os.truncate(tmp_path / "a.nc", size - 9)
+        with pytest.raises(TerrainError, match=rf"{size - 9} bytes; allowed: {size}, as its header says"):
+            check_whole(tmp_path / "a.nc", size)
 
 
 @pytest.mark.refused("DEM", ".nc: several variables")
@@ -150,6 +215,13 @@ def test_a_transparent_value_of_a_picture_is_a_void(tmp_path: Path) -> None:
     assert "heights are void" in refusal(tmp_path / "a.png", **words)
     Image.fromarray(np.eye(5, dtype=np.uint8)).convert("P").save(tmp_path / "b.png")
     assert "the mode P; allowed: 16-bit grey" in refusal(tmp_path / "b.png", **words)
+
+
+@pytest.mark.refused("DEM", "GDAL's connection strings")
+@pytest.mark.parametrize("name", ["/vsicurl/http://127.0.0.1:9/a.tif", "GTIFF_DIR:1:a.tif", "netcdf:a.nc:z"])
+def test_a_file_is_a_path(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FileNotFoundError, match="no such file"):
+        import_dem(name, tmp_path / "out.npz")
 
 
 def with_zip(path: Path) -> Path:
@@ -182,6 +254,23 @@ def test_a_virtual_raster_is_a_mosaic_and_no_more(tmp_path: Path, attribute: str
     path = tmp_path / "a.vrt"
     path.write_text(f"<VRTDataset rasterXSize='3' rasterYSize='3' {attribute}>{inside}</VRTDataset>")
     assert "allowed: a mosaic of pictures" in refusal(path)
+
+
+@pytest.mark.refused("DEM", ".vrt: truncated or damaged sources")
+def test_a_source_of_a_virtual_raster_is_checked_as_a_file_of_its_own(tmp_path: Path) -> None:
+    for name, content, words in (
+        ("a.asc", f"ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 30\n{'1 ' * 7}", "7 heights; allowed: 6"),
+        ("a.bil", "short", "5 bytes; allowed: 12"),
+        ("N10E010.hgt", "short", "5 bytes are not a whole tile"),
+    ):
+        (tmp_path / name).write_text(content)
+        (tmp_path / "a.hdr").write_text("NROWS 2\nNCOLS 3\nNBITS 16\n")
+        (tmp_path / "b.vrt").write_text(
+            "<VRTDataset rasterXSize='3' rasterYSize='2'><VRTRasterBand dataType='Int16' band='1'><SimpleSource>"
+            f"<SourceFilename relativeToVRT='1'>{name}</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>"
+        )
+        with pytest.raises(TerrainError, match=words):
+            read_raster(tmp_path / "b.vrt")
 
 
 @pytest.mark.honoured("DEM", ".vrt: mosaic with voids and scale of its sources")

@@ -66,6 +66,7 @@ def heights() -> NDArray[np.float64]:
     return np.random.default_rng(0).integers(0, 3000, (5, 7)).astype(np.float64)
 
 
+@pytest.mark.honoured("DEM", "projection in metres")
 @pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.float32, np.float64])
 @pytest.mark.parametrize("compress", [None, "deflate", "lzw"])
 def test_a_projected_picture_is_taken_as_it_is(
@@ -76,6 +77,7 @@ def test_a_projected_picture_is_taken_as_it_is(
     assert terrain.spacing == 30.0
 
 
+@pytest.mark.honoured("DEM", "pixels that are not square")
 def test_a_projected_picture_is_resampled_to_the_distance_asked_for(tmp_path: Path) -> None:
     plane = np.add.outer(3.0 * np.arange(11.0), 5.0 * np.arange(21.0)).astype(np.float32)  # per 30 m north, 15 m east
     path = save(tmp_path / "a.tiff", plane[::-1], place=from_origin(5e5, 4.7e6, 15.0, 30.0))
@@ -85,6 +87,7 @@ def test_a_projected_picture_is_resampled_to_the_distance_asked_for(tmp_path: Pa
     assert float(terrain.height(140.0, 100.0)) == pytest.approx(3.0 * 100.0 / 30.0 + 5.0 * 140.0 / 15.0, abs=1e-4)
 
 
+@pytest.mark.honoured("DEM", "coordinate system in degrees")
 def test_a_geographic_picture_is_brought_to_metres(tmp_path: Path) -> None:
     step = 1.0 / 1200
     path = save(
@@ -96,6 +99,7 @@ def test_a_geographic_picture_is_brought_to_metres(tmp_path: Path) -> None:
     assert terrain.depth == pytest.approx(60 * step * north, abs=terrain.spacing)
 
 
+@pytest.mark.honoured("DEM", "rotated transform")
 @pytest.mark.parametrize("crs", [UTM, WGS84])
 def test_a_rotated_picture_shows_the_same_ground(tmp_path: Path, crs: str) -> None:
     size = 30.0 if crs == UTM else 30.0 / 111_000.0
@@ -115,6 +119,7 @@ def test_a_rotated_picture_shows_the_same_ground(tmp_path: Path, crs: str) -> No
     assert middle == pytest.approx(float(ground(longitude, latitude)[0]), abs=2.0)  # of 2.7 m a node
 
 
+@pytest.mark.honoured("DEM", "transform with south up")
 def test_a_picture_with_its_south_up_shows_the_same_ground(tmp_path: Path) -> None:
     place = Affine(30.0, 0.0, 5e5, 0.0, 30.0, 4.697e6)
     terrain = import_dem(save(tmp_path / "a.tif", sampled(UTM, place, (40, 50)), UTM, place), tmp_path / "out.npz")
@@ -122,6 +127,7 @@ def test_a_picture_with_its_south_up_shows_the_same_ground(tmp_path: Path) -> No
     check_ground(terrain, 2e-3)
 
 
+@pytest.mark.honoured("DEM", "projection that stretches lengths")
 def test_a_projection_that_stretches_lengths_is_undone(tmp_path: Path) -> None:
     (x,), (y,) = transform(WGS84, WEB_MERCATOR, [81.0], [42.45])
     place = from_origin(x, y, 40.0, 40.0)  # 40 m of Web Mercator are 30 m of ground here
@@ -131,6 +137,8 @@ def test_a_projection_that_stretches_lengths_is_undone(tmp_path: Path) -> None:
     check_ground(terrain, 5e-3)
 
 
+@pytest.mark.honoured("DEM", "projection in feet")
+@pytest.mark.refused("DEM", "no unit of heights over coordinates in feet")
 def test_a_projection_in_feet_is_brought_to_metres(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     place = from_origin(980_000.0, 200_000.0, 100.0, 100.0)  # New York
     path = save(tmp_path / "a.tif", heights[::-1], FEET, place)
@@ -143,6 +151,7 @@ def test_a_projection_in_feet_is_brought_to_metres(tmp_path: Path, heights: NDAr
 FOOT, US_FOOT = 0.3048, 1200.0 / 3937.0
 
 
+@pytest.mark.honoured("DEM", "unit of heights")
 @pytest.mark.parametrize(
     ("unit", "factor"),
     [
@@ -159,12 +168,14 @@ def test_heights_in_another_unit_are_converted(
     np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz", scale=0.5).z, 0.5 * heights)
 
 
+@pytest.mark.refused("DEM", "unknown unit of heights")
 def test_heights_in_an_unknown_unit_need_a_scale(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save(tmp_path / "a.tif", heights[::-1], units="furlong")
     with pytest.raises(ValueError, match=r"scale is missing; heights are in 'furlong': --scale .* 0\.3048 for feet"):
         import_dem(path, tmp_path / "out.npz")
 
 
+@pytest.mark.honoured("DEM", "scale and offset of the band")
 def test_the_scale_and_offset_that_a_band_states_are_applied(tmp_path: Path, heights: NDArray[np.float64]) -> None:
     path = save(tmp_path / "a.tif", heights[::-1].astype(np.int16), scales=0.25, offsets=100.0)
     np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz").z, 0.25 * heights + 100.0)
@@ -179,6 +190,7 @@ def test_a_crop_is_read_in_coordinates_of_the_projection(tmp_path: Path, heights
     np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz", crop=edges).z, heights)
 
 
+@pytest.mark.refused("DEM", "more nodes than a map may have")
 def test_only_the_part_within_the_crop_counts_against_the_limit(tmp_path: Path) -> None:
     with rasterio.open(
         tmp_path / "large.tif", "w", driver="GTiff", count=1, height=6000, width=6000, dtype="int16", crs=UTM,
@@ -191,6 +203,9 @@ def test_only_the_part_within_the_crop_counts_against_the_limit(tmp_path: Path) 
     assert part.z.shape == (34, 34)
 
 
+@pytest.mark.honoured("DEM", "value of voids")
+@pytest.mark.honoured("DEM", "NaN as a void")
+@pytest.mark.honoured("DEM", "-32768 of 16-bit numbers, without a stated value")
 @pytest.mark.parametrize(
     ("dtype", "void", "stated"),
     [(np.int16, -9999.0, -9999.0), (np.int16, -32768.0, None), (np.float32, np.nan, None), (np.float64, -1e6, -1e6)],
@@ -208,6 +223,11 @@ def test_what_a_file_calls_no_data_is_a_void(
     assert around.min() < terrain.z[2, 3] < around.max()
 
 
+@pytest.mark.refused("DEM", "several bands")
+@pytest.mark.refused("DEM", "complex numbers")
+@pytest.mark.refused("DEM", "no coordinate system")
+@pytest.mark.refused("DEM", "geocentric coordinate system")
+@pytest.mark.refused("DEM", "transform without area, or off the ground")
 @pytest.mark.parametrize(
     ("bands", "crs", "place", "message"),
     [
@@ -231,6 +251,7 @@ def test_what_has_no_place_is_refused(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.refused("DEM", "truncated file")
 @pytest.mark.parametrize("length", [0, 5, 200, 3000])
 def test_a_file_cut_off_is_refused(tmp_path: Path, length: int) -> None:
     values = np.random.default_rng(0).integers(0, 60000, (64, 64)).astype(np.uint16)
@@ -242,6 +263,7 @@ def test_a_file_cut_off_is_refused(tmp_path: Path, length: int) -> None:
     assert not (tmp_path / "out.npz").exists()
 
 
+@pytest.mark.refused("DEM", "another format under the name")
 def test_a_file_of_another_format_under_the_name_is_refused(tmp_path: Path) -> None:
     """rasterio reads two hundred formats, some of which name other files."""
     (tmp_path / "a.tif").write_text(f"<VRTDataset rasterXSize='1' rasterYSize='1'>{tmp_path}</VRTDataset>")

@@ -30,6 +30,8 @@ def holed(value: float, dtype: str) -> NDArray[Any]:
     return heights.astype(dtype)
 
 
+@pytest.mark.refused("DEM", "heights that no ground has")
+@pytest.mark.honoured("DEM", "heights that no ground has, with --nodata or --heights")
 @pytest.mark.parametrize(
     ("value", "dtype", "stated"),
     [
@@ -54,6 +56,7 @@ def test_a_value_that_no_ground_has_is_refused_until_somebody_says_what_it_is(
         assert (terrain.z == value).sum() == 20
 
 
+@pytest.mark.refused("DEM", "plateau with cliffs about it")
 def test_a_plateau_with_cliffs_about_it_is_no_ground_until_somebody_says_so(tmp_path: Path) -> None:
     rows, columns = np.mgrid[0.0:40.0, 0.0:50.0]
     slope = 300.0 + 2.0 * rows + columns
@@ -68,6 +71,8 @@ def test_a_plateau_with_cliffs_about_it_is_no_ground_until_somebody_says_so(tmp_
     assert import_dem(save(tmp_path / "b.tif", sea.astype(np.int16)), tmp_path / "out.npz").z.min() == 0.0
 
 
+@pytest.mark.honoured("DEM", "mask")
+@pytest.mark.honoured("DEM", "alpha band")
 def test_a_mask_of_the_file_is_its_voids(tmp_path: Path) -> None:
     for bands in (1, 2):
         profile: dict[str, Any] = {"photometric": "MINISBLACK", "alpha": "YES"} if bands == 2 else {}
@@ -84,6 +89,9 @@ def test_a_mask_of_the_file_is_its_voids(tmp_path: Path) -> None:
         assert np.isnan(read_raster(tmp_path / "a.tif").z).sum() == 20
 
 
+@pytest.mark.honoured("DEM", ".img (Erdas Imagine)")
+@pytest.mark.honoured("DEM", ".nc (netCDF)")
+@pytest.mark.honoured("DEM", ".vrt: copy of a file")
 @pytest.mark.parametrize(
     ("ending", "driver"), [(".asc", "AAIGrid"), (".bil", "EHdr"), (".img", "HFA"), (".nc", "netCDF"), (".vrt", "VRT")]
 )
@@ -95,6 +103,8 @@ def test_other_formats_are_the_same_ground(tmp_path: Path, ending: str, driver: 
     assert terrain.spacing == pytest.approx(30.0)
 
 
+@pytest.mark.honoured("DEM", ".zip, .gz: one model")
+@pytest.mark.refused("DEM", ".zip: several models")
 def test_an_archive_is_unpacked_and_may_hold_one_map(tmp_path: Path) -> None:
     path = save(tmp_path / "a.tif", HEIGHTS.astype(np.int16))
     with gzip.open(tmp_path / "a.tif.gz", "wb") as file:
@@ -110,6 +120,7 @@ def test_an_archive_is_unpacked_and_may_hold_one_map(tmp_path: Path) -> None:
         import_dem(tmp_path / "a.zip", tmp_path / "out.npz")
 
 
+@pytest.mark.refused("DEM", ".zip, .gz: expands beyond 4 GB")
 @pytest.mark.parametrize("packed", ["a.tif.gz", "a.zip"])
 def test_what_expands_to_more_than_is_allowed_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, packed: str
@@ -128,6 +139,8 @@ def test_what_expands_to_more_than_is_allowed_is_refused(
 SOURCE = "<SourceFilename relativeToVRT='1'>{}</SourceFilename>"
 
 
+@pytest.mark.refused("DEM", ".vrt: addresses, files elsewhere")
+@pytest.mark.refused("DEM", ".vrt: warped, nested, or with code")
 @pytest.mark.parametrize(
     ("inside", "message"),
     [
@@ -149,6 +162,7 @@ def test_a_virtual_raster_brings_nothing_from_elsewhere(tmp_path: Path, inside: 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.honoured("DEM", "ellipsoid of another body")
 @pytest.mark.parametrize(
     ("crs", "degree"),
     [("IAU_2015:30100", math.pi * 1737400.0 / 180.0), ("IAU_2015:49900", math.pi * 3396190.0 / 180.0)],
@@ -159,6 +173,7 @@ def test_another_body_has_its_own_size(tmp_path: Path, crs: str, degree: float) 
     assert import_dem(path, tmp_path / "out.npz").spacing == pytest.approx(0.001 * degree, rel=1e-6)
 
 
+@pytest.mark.honoured("DEM", "ellipsoid of another body")
 def test_a_projected_moon_is_a_map(tmp_path: Path) -> None:
     path = save(tmp_path / "a.tif", HEIGHTS.astype(np.float32), "IAU_2015:30110", from_origin(0.0, 0.0, 100.0, 100.0))
     np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz").z, HEIGHTS[::-1])
@@ -192,6 +207,8 @@ def test_a_picture_may_have_more_heights_than_a_map_if_it_is_made_coarser(tmp_pa
     assert import_dem(tmp_path / "large.tif", tmp_path / "out.npz", resample=300.0).z.shape == (600, 600)
 
 
+@pytest.mark.refused("DEM", "units of band and coordinate system that disagree")
+@pytest.mark.refused("DEM", "depths: vertical axis downwards")
 def test_what_is_stated_of_heights_must_agree(tmp_path: Path) -> None:
     path = save(tmp_path / "a.tif", HEIGHTS.astype(np.int16), "EPSG:32644+6360", units="m")
     with pytest.raises(ValueError, match=r"heights are in 'm' by the band, in units of 0\.3048006 m by the coordinate"):

@@ -21,6 +21,7 @@ from tests.sim.environments import missions
 STILL = np.zeros(3)
 
 
+@pytest.mark.honoured("environment", "dm_env: environment, specs, time steps")
 @pytest.mark.parametrize("scenario", missions.SCENARIOS)
 def test_every_scenario_passes_the_checker_of_dm_env(scenario: str) -> None:
     missions.assert_passes_dm_env(lambda: missions.environment(scenario))
@@ -48,6 +49,7 @@ def test_the_commands_of_a_run_lead_to_the_estimates_of_the_run(scenario: str) -
     assert all(np.array_equal(logged.truths[name], run.truths[name]) for name in names)
 
 
+@pytest.mark.honoured("environment", "seed of episodes")
 def test_a_seed_tells_all_episodes_and_each_differs_from_the_last() -> None:
     def played(seed: int) -> list[np.ndarray[Any, Any]]:
         environment = missions.environment("safe-flight", seed)
@@ -73,6 +75,7 @@ def test_the_mission_stays_and_a_reset_builds_no_cost_to_go(monkeypatch: pytest.
     assert all(np.array_equal(x[0], environment.recording.truths[name][0]) for name, x in before.items())
 
 
+@pytest.mark.honoured("environment", "termination")
 def test_contact_ends_an_episode_and_the_next_step_begins_another() -> None:
     environment = missions.environment("safe-flight")
     step = environment.reset()
@@ -88,6 +91,7 @@ def test_contact_ends_an_episode_and_the_next_step_begins_another() -> None:
     assert environment.episode_seed != before
 
 
+@pytest.mark.honoured("environment", "truncation")
 def test_time_that_is_up_is_a_truncation_and_the_cost_is_the_rms_that_the_run_is_judged_by() -> None:
     environment = missions.environment("arm-velocity")
     step, cost = environment.reset(), 0.0
@@ -104,6 +108,7 @@ def test_time_that_is_up_is_a_truncation_and_the_cost_is_the_rms_that_the_run_is
     assert cost / 0.05 == pytest.approx(float(np.square(errors).sum(axis=1).mean()), rel=0.02)
 
 
+@pytest.mark.honoured("environment", "finite rewards")
 def test_a_state_that_the_physics_loses_ends_an_episode_and_every_reward_is_finite(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,6 +131,7 @@ def test_the_reward_of_a_flight_is_its_effort_and_its_time() -> None:
     assert [event.kind for event in environment.recording.events] == ["input-clipped"]
 
 
+@pytest.mark.honoured("environment", "spaces with bounds and units")
 def test_specs_tell_units_and_the_scenarios_own_bounds() -> None:
     quadrotor = missions.environment("quadrotor-canyon").action_spec()
     assert isinstance(quadrotor, specs.BoundedArray)
@@ -147,6 +153,7 @@ def test_another_estimator_is_observed_by_its_name() -> None:
     assert seen["x"].shape == (2,)
 
 
+@pytest.mark.refused("environment", "fields that are unknown or not allowed")
 @pytest.mark.parametrize(
     ("scenario", "fields", "expected"),
     [
@@ -167,6 +174,7 @@ def test_what_cannot_be_an_environment_is_refused(scenario: str, fields: dict[st
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.refused("environment", "actions of another shape, or not finite")
 @pytest.mark.parametrize(
     ("action", "expected"),
     [

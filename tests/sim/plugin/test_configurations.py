@@ -29,6 +29,8 @@ def beyond(kind: type[float], marks: Iterable[Any]) -> Iterator[float]:
             yield kind(mark.le + max(1, abs(mark.le)))
 
 
+@pytest.mark.refused("plug-in", "a value that a field does not allow")
+@pytest.mark.honoured("plug-in", "Config: fields with bounds")
 @pytest.mark.parametrize(("kind", "name"), CONFIGURED)
 def test_a_number_that_a_field_does_not_allow_is_refused_by_its_name(kind: str, name: str) -> None:
     config: Any = load(kind, name).Config

@@ -97,6 +97,7 @@ def commands(module: str) -> dict[str, list[str]]:
     }
 
 
+@pytest.mark.refused("plug-in", "an import or a configuration that fails")
 @pytest.mark.parametrize("raised", RAISED)
 @pytest.mark.parametrize("phase", ["at_import", "at_configuration"])
 def test_a_plug_in_that_fails_before_it_is_built_is_named(
@@ -109,6 +110,7 @@ def test_a_plug_in_that_fails_before_it_is_built_is_named(
         assert f"{module}:Mine" in refused(*words)
 
 
+@pytest.mark.refused("plug-in", "a build that fails or ends the process")
 @pytest.mark.parametrize("raised", ["exit", "error", "own", "recursion"])
 @pytest.mark.parametrize("kind", commands(""))
 def test_a_plug_in_that_fails_while_it_is_built_is_named(
@@ -120,6 +122,7 @@ def test_a_plug_in_that_fails_while_it_is_built_is_named(
     assert f"{module}.py:" in line
 
 
+@pytest.mark.refused("plug-in", "a build that returns another thing")
 @pytest.mark.parametrize("kind", commands(""))
 @pytest.mark.parametrize("rubbish", ["return None", "return 3", "return 'text', []"])
 def test_a_plug_in_that_builds_rubbish_is_named(
@@ -144,6 +147,7 @@ GROUND = {
 }
 
 
+@pytest.mark.refused("plug-in", "a terrain that fails or is none")
 @pytest.mark.parametrize("body", GROUND)
 def test_a_terrain_that_fails_is_named(
     body: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
@@ -168,6 +172,7 @@ def test_a_terrain_that_is_not_there_is_named(
     assert "strange" in refused("terrain", "show", "strange")
 
 
+@pytest.mark.refused("plug-in", "a place that names no class")
 def test_a_place_without_a_plugin_says_what_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

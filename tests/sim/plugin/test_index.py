@@ -185,6 +185,7 @@ def test_an_edited_plugin_is_seen(
     assert len(children) == 2
 
 
+@pytest.mark.honoured("plug-in", "module:Class of the present folder")
 def test_one_name_in_two_folders_is_two_plugins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for line in ("It plans.", "It waits."):
@@ -210,6 +211,7 @@ def test_a_plugin_that_cannot_be_imported_is_tried_again(wanted: Describe, packa
     assert wanted().first_line == "It plans."
 
 
+@pytest.mark.refused("plug-in", "an import that ends its process")
 @pytest.mark.parametrize("ending", ["import os; os._exit(3)", "raise SystemExit(3)"])
 def test_an_import_that_ends_its_process_hides_no_other(wanted: Describe, package: Path, ending: str) -> None:
     (package / "deadly.py").write_text(ending)

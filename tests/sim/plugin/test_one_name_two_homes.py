@@ -39,6 +39,7 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.refused("plug-in", "one name in two packages")
 @pytest.mark.parametrize("kind", [kind for kind in GROUPS if kind not in ("terrains", "drawings")])
 def test_the_name_is_refused_with_both_homes_and_every_other_one_loads(kind: str) -> None:
     name, value = TAKEN[kind]

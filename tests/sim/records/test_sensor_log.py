@@ -35,6 +35,7 @@ def good(**changes: Any) -> mn.SensorLog:
     return mn.SensorLog(**fields)
 
 
+@pytest.mark.honoured("sensor log", "times, readings by sensor, inputs")
 @pytest.mark.parametrize("method", ["feasible_set_bank", "range_ekf", "range_iekf"])
 def test_any_estimator_of_the_mission_runs_over_a_log(method: str) -> None:
     t, poses, _, _ = driven()

@@ -124,6 +124,7 @@ def spoilt(payload: Any, field: int, value: Any) -> Any:
     return dataclasses.replace(payload, **{names_[field % len(names_)]: value})
 
 
+@pytest.mark.honoured("plug-in", "consensus: messages that are garbage, doubled or late")
 @settings(max_examples=25)
 @given(data=st.data())
 def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_value(

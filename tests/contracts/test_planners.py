@@ -277,6 +277,7 @@ def test_a_configuration_out_of_range_is_refused_by_the_name_of_the_field(plugin
                 config(**{name: value})
 
 
+@pytest.mark.honoured("plug-in", "controller: period in whole ticks")
 def test_conforms_to_the_protocol_and_its_period_is_whole_ticks(planner: Planner, bench: Bench) -> None:
     assert isinstance(planner, Planner)
     assert whole_ticks(planner.period, bench.dt, "period") >= 1
@@ -290,6 +291,7 @@ def test_the_first_plan_starts_at_once_and_at_the_estimate(planner: Planner, ben
     np.testing.assert_array_equal(plan.x[0], bench.start)
 
 
+@pytest.mark.honoured("plug-in", "controller: plans from the estimate to the target")
 def test_a_plan_is_well_formed_and_leads_to_its_end(plugin: type[ControllerPlugin], bench: Bench) -> None:
     plans = [plan for _, plan in answers(plugin) if plan.ok]
     assert len(plans) >= PERIODS // 2
@@ -336,6 +338,7 @@ def test_a_plan_that_was_handed_out_stays_as_it_was(planner: Planner, bench: Ben
         np.testing.assert_array_equal(getattr(first, name), getattr(kept, name))
 
 
+@pytest.mark.honoured("plug-in", "controller: messages, of which some are strange")
 def test_news_reach_it_and_strange_messages_do_not_matter(plugin: type[ControllerPlugin], bench: Bench) -> None:
     topic = bench.message.topic if bench.message is not None else "target"
     strange = (Message(0.0, "somebody", "weather", "fine"), Message(0.0, "somebody", topic, "nonsense"))

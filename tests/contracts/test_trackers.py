@@ -135,6 +135,7 @@ def test_conforms_to_the_protocol(tracker: BoundedTracker, bench: Bench) -> None
     assert whole_ticks(tracker.period, bench.dt, "period") >= 1
 
 
+@pytest.mark.honoured("plug-in", "tracker: the bound that it states")
 @certified
 def test_states_the_bound_that_it_keeps(tracker: BoundedTracker) -> None:
     stated = dataclasses.asdict(tracker.bound)

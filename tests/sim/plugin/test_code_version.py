@@ -37,6 +37,7 @@ def fresh(plugin: Any) -> str:
     return code_version(plugin)
 
 
+@pytest.mark.honoured("plug-in", "code of the module and of what it imports, as part of the version")
 def test_what_a_module_imports_counts_and_what_it_does_not_does_not(plugin: Any, tmp_path: Path) -> None:
     name = tmp_path.name
     versions = [fresh(plugin)]
@@ -57,6 +58,7 @@ def test_the_version_of_an_installed_package_counts(plugin: Any, monkeypatch: py
     assert fresh(plugin) != before
 
 
+@pytest.mark.refused("plug-in", "a module without sources")
 def test_a_module_without_sources_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "made_in_memory", ModuleType("made_in_memory"))
     made = type("Mine", (), {"__module__": "made_in_memory"})

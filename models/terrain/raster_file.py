@@ -22,8 +22,8 @@ from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.reading.files import MOST_TEXT, read_bytes
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.ascii_grid import check_ascii_grid
-from mathnavi.models.terrain.classic_netcdf import check_whole
 from mathnavi.models.terrain.ellipsoid import DEGREE, EARTH, Ellipsoid
+from mathnavi.models.terrain.netcdf import check_axes, check_whole, outside_valid
 from mathnavi.models.terrain.packed_files import MOST_BYTES, check_files, check_virtual, unpacked
 from mathnavi.models.terrain.placement import corners_of, located, true_to_scale
 from mathnavi.models.terrain.raster import Box, Raster, cropped, within
@@ -79,6 +79,8 @@ def read_raster(
                 rasterio.open(file, driver=FORMATS[ending], **OPTIONS.get(ending, {})) as dataset,
             ):
                 check_files(file, dataset.files)
+                if dataset.driver == "netCDF":
+                    check_axes(dataset, file, str(path))
                 return _Reader(dataset, path, file, scale, nodata, heights).raster(crop)
         except RasterioIOError as error:  # its cause says more than itself
             raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error.__cause__ or error)})") from None
@@ -217,6 +219,8 @@ class _Reader:
         if dataset.tags(1).get("positive", "").lower() == "down":
             raise TerrainError(f"{path}: depths, measured downwards (positive = down); allowed: heights")
         meaning = "colours, by its colour table" if dataset.colorinterp[0].name == "palette" else ""
+        if dataset.tags(1).get("LAYER_TYPE") == "thematic":
+            meaning = "classes, by its type of layer"
         if any(b"<CategoryNames" in _sidecar(each) for each in dataset.files if each.endswith(".aux.xml")):
             meaning = "categories, by their names"
         if meaning:
@@ -306,6 +310,8 @@ class _Reader:
         void, raw = np.ma.getmaskarray(values), values.data
         if dataset.count == 2:  # GDAL takes one of mask, alpha and the value of voids, here all count
             void = void | (dataset.read(2, window=window) == 0)
+        if dataset.driver == "netCDF":
+            void = void | outside_valid(raw, dataset.tags(1), str(self._path))
         if dataset.nodata is None and dataset.dtypes[0] == "int16":
             void = void | (raw == UNSTATED_VOID)
         for value in (dataset.nodata, self._nodata):

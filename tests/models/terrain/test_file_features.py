@@ -224,6 +224,7 @@ def test_a_void_is_what_mask_alpha_or_value_call_void(tmp_path: Path, kind: str)
 
 @pytest.mark.refused("DEM", "colour table")
 @pytest.mark.refused("DEM", "category names")
+@pytest.mark.refused("DEM", "type of layer: thematic")
 @pytest.mark.honoured("DEM", "colour table over heights, with --scale")
 def test_numbers_of_colours_and_categories_are_no_heights_until_somebody_says_so(tmp_path: Path) -> None:
     values = (HEIGHTS % 250).astype(np.uint8)
@@ -232,6 +233,9 @@ def test_numbers_of_colours_and_categories_are_no_heights_until_somebody_says_so
         file.write_colormap(1, {0: (0, 0, 0, 255), 7: (255, 0, 0, 255)})
     assert "scale is missing; the numbers of the band are colours, by its colour table" in refusal(path)
     np.testing.assert_array_equal(imported(path, scale=2.0), 2.0 * values[::-1])
+    with rasterio.open(save(tmp_path / "c.tif", values), "r+") as file:
+        file.update_tags(1, LAYER_TYPE="thematic")
+    assert "the numbers of the band are classes, by its type of layer" in refusal(tmp_path / "c.tif")
     named = save(tmp_path / "b.tif", values)
     (tmp_path / "b.tif.aux.xml").write_text(
         "<PAMDataset><PAMRasterBand band='1'><CategoryNames><Category>water</Category></CategoryNames></PAMRasterBand>"

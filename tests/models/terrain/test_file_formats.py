@@ -6,7 +6,7 @@ import gzip
 import os
 import warnings
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from rasterio.transform import from_origin
 from scipy.io import netcdf_file
 
 from mathnavi.interfaces.errors import TerrainError
-from mathnavi.models.terrain.classic_netcdf import check_whole
 from mathnavi.models.terrain.dem_import import import_dem
+from mathnavi.models.terrain.netcdf import check_whole
 from mathnavi.models.terrain.raster_file import read_raster
 from tests.models.terrain.test_file_features import FIRST, SOUTH_FIRST, VALUES, imported, refusal
 from tests.models.terrain.test_geotiff import CORNER, UTM, WEB_MERCATOR, save
@@ -187,6 +187,52 @@ def test_what_is_cut_off_is_no_sea(tmp_path: Path, ending: str, driver: str, how
         else:  # what is missing are no heights
             np.testing.assert_array_equal(found, SOUTH_FIRST)
     assert refused > 5
+
+
+def with_coordinates(path: Path, latitudes: Sequence[float], **attributes: Any) -> Path:
+    """A netCDF file of the heights 100, 101, ... on the ellipsoid, the first in the first latitude."""
+    with netcdf_file(path, "w") as file:
+        axes = (("lat", latitudes, "latitude"), ("lon", (10.0, 10.01, 10.02), "longitude"))
+        for name, values, standard_name in axes:
+            file.createDimension(name, len(values))
+            axis = file.createVariable(name, "d", (name,))
+            axis[:], axis.standard_name = values, standard_name
+            axis.units = f"degrees_{'north' if name == 'lat' else 'east'}"
+        crs = file.createVariable("crs", "i", ())
+        crs.grid_mapping_name, crs.semi_major_axis, crs.inverse_flattening = "latitude_longitude", 6378137.0, 298.25722
+        z = file.createVariable("z", "f", ("lat", "lon"))
+        z[:] = 100.0 + np.arange(len(latitudes) * 3).reshape(-1, 3)
+        for name, value in {"grid_mapping": "crs", "units": "m", **attributes}.items():
+            setattr(z, name, value)
+    return path
+
+
+@pytest.mark.honoured("DEM", ".nc: latitudes from south or north")
+@pytest.mark.refused("DEM", ".nc: coordinates in unequal steps")
+def test_coordinates_of_a_netcdf_file_count_one_by_one(tmp_path: Path) -> None:
+    for latitudes in ([40.0, 40.01, 40.02, 40.03], [40.03, 40.02, 40.01, 40.0]):
+        raster = read_raster(with_coordinates(tmp_path / "a.nc", latitudes))
+        assert (raster.south, raster.west) == pytest.approx((40.0, 10.0))
+        assert raster.z[0, 0] == (100.0 if latitudes[0] == 40.0 else 109.0)
+    words = refusal(with_coordinates(tmp_path / "b.nc", [40.0, 40.01, 40.02, 40.07]))
+    assert "lat[2] = 40.02; allowed: coordinates in equal steps" in words
+
+
+@pytest.mark.honoured("DEM", ".nc: valid_min, valid_max, valid_range, missing_value")
+@pytest.mark.parametrize(
+    ("attributes", "voids"),
+    [
+        ({"valid_min": np.float32(103.0)}, 3),
+        ({"valid_max": np.float32(103.0)}, 8),
+        ({"valid_range": np.array([101.0, 110.0], np.float32)}, 2),
+        ({"missing_value": np.float32(105.0)}, 1),
+    ],
+)
+def test_what_a_netcdf_file_calls_not_valid_is_void(tmp_path: Path, attributes: dict[str, Any], voids: int) -> None:
+    path = with_coordinates(tmp_path / "a.nc", [40.0, 40.01, 40.02, 40.03], **attributes)
+    assert np.isnan(read_raster(path).z).sum() == voids
+    odd = with_coordinates(tmp_path / "b.nc", [40.0, 40.01], valid_min="sea")
+    assert "valid_min = 'sea'; allowed: a number" in refusal(odd)
 
 
 def test_a_netcdf_file_of_records_has_all_of_them(tmp_path: Path) -> None:

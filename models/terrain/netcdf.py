@@ -1,6 +1,8 @@
-"""Classic netCDF files (CDF-1, -2 and -5): how long a whole one is. What is cut off, GDAL reads as zeros.
+"""NetCDF files: what they say and GDAL passes over.
 
-The header says where each variable begins and which dimensions it has; a variable along the unlimited dimension has one
+Coordinates are variables of their own, of which GDAL takes the first and the last. ``valid_min`` and ``valid_max`` mark
+voids; GDAL honours them together only. What is cut off from a classic file (CDF-1, -2 and -5), it reads as zeros: its
+header says where each variable begins and which dimensions it has, and a variable along the unlimited dimension has one
 part in each record.
 """
 
@@ -9,14 +11,55 @@ from __future__ import annotations
 import math
 import struct
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.reading.files import opened
+from mathnavi.interfaces.signals import Array
 
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8, 7: 1, 8: 2, 9: 4, 10: 8, 11: 8}  # [bytes] of a value, by its type
 _STREAMING = {4: 2**32 - 1, 8: 2**64 - 1}  # number of records that is not known
 _LONGEST = 2**20  # [bytes] of a name or a list of the header
+_AXES = ("latitude", "longitude", "projection_x_coordinate", "projection_y_coordinate")
+_UNEVEN = 0.05  # steps that a coordinate may be beside its place, as one of 32 bits is by rounding
+
+
+def check_axes(dataset: Any, file: Path, where: str) -> None:
+    """Raise TerrainError for coordinates of an open netCDF file that are not in equal steps."""
+    import rasterio
+    from rasterio.errors import RasterioIOError
+
+    tags = dataset.tags()
+    for name in sorted(key.partition("#")[0] for key in tags if key.endswith("#standard_name") and tags[key] in _AXES):
+        try:
+            with rasterio.open(f'netcdf:"{file}":{name}') as axis:
+                values = axis.read(1).ravel().astype(float)
+        except RasterioIOError:  # a single number, which is no axis
+            continue
+        if values.size not in dataset.shape or values.size < 3:
+            continue
+        places = np.linspace(values[0], values[-1], values.size)
+        off = np.abs(values - places) / abs(places[1] - places[0])
+        if not off.max() <= _UNEVEN:
+            k = int(off.argmax())
+            raise TerrainError(f"{where}: {name}[{k}] = {values[k]:.10g}; allowed: coordinates in equal steps")
+
+
+def outside_valid(values: Array, tags: dict[str, str], where: str) -> NDArray[np.bool_]:
+    """Return True where values of a variable with attributes ``tags`` are below valid_min or above valid_max.
+
+    Raises TerrainError for a limit that is no number.
+    """
+    limits = {"valid_min": -np.inf, "valid_max": np.inf}
+    for name in limits:
+        try:
+            limits[name] = float(tags.get(name, limits[name]))
+        except ValueError:
+            raise TerrainError(f"{where}: {name} = {tags[name]!r}; allowed: a number") from None
+    return (values < limits["valid_min"]) | (values > limits["valid_max"])
 
 
 def check_whole(path: Path, most: int) -> None:

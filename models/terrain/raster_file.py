@@ -45,6 +45,17 @@ FORMATS = {
 OPTIONS = {".asc": {"DATATYPE": "Float64"}}  # where GDAL takes whole numbers, NaN becomes 0
 TILES = ((1201, 1201), (3601, 3601), (3601, 1801))  # nodes north and east of an SRTM tile
 MOST_READ = 2**27  # heights, of the part of a file that is read
+_BESIDE, _INTO, _COPY = (
+    "a .prj beside the file states one",
+    "rio edit-info --crs writes one into the file",
+    "gdal_translate -a_srs writes a copy that has one",
+)
+_PLACED = {
+    **dict.fromkeys(FORMATS, _COPY),
+    **dict.fromkeys((".asc", ".bil", ".flt"), _BESIDE),
+    **dict.fromkeys((".tif", ".tiff", ".img"), _INTO),
+}
+"""how a file of an ending gets a coordinate system"""
 UNSTATED_VOID = -32768  # where 16-bit heights state no void: SRTM's
 FARTHEST = (1e8, 1e8)  # [m] of any projection's coordinates east and north
 FARTHEST_DEGREES = (720.0, 90.5)  # of longitude; of latitude, where the outermost nodes of a tile may be the poles
@@ -172,6 +183,7 @@ class _Reader:
         heights: tuple[float, float] | None,
     ) -> None:
         self._dataset, self._path, self._nodata, self._allowed = dataset, path, nodata, heights
+        self._ending = file.suffix.lower()
         self._name = file.stem.partition(".")[0] if file.suffix.lower() == ".hgt" else file.stem
         self._check_bands(file)
         if scale is None:
@@ -235,9 +247,7 @@ class _Reader:
             how = "ground control points" if dataset.gcps[0] else "rational polynomial coefficients"
             raise TerrainError(f"{self._path}: placed by {how}; allowed: by a transform, which gdalwarp brings it to")
         if crs is None or not (crs.is_geographic or crs.is_projected):
-            raise TerrainError(
-                f"{self._path}: no coordinate system on the ground (rio edit-info --crs writes one into the file)"
-            )
+            raise TerrainError(f"{self._path}: no coordinate system on the ground ({_PLACED[self._ending]})")
         corners = np.abs(corners_of(dataset))
         unit = crs.units_factor[1] / (DEGREE if crs.is_geographic else 1.0)
         if not (

@@ -89,7 +89,7 @@ ROWS = "\n".join(" ".join(f"{value:g}" for value in row) for row in HEIGHTS)
 def test_an_ascii_grid_says_where_its_corner_is(tmp_path: Path, place: str, west: float) -> None:
     path = tmp_path / "a.asc"
     path.write_text(HEAD.format(place, f"NODATA_value {HEIGHTS[0, 0]:g}\n{ROWS}"))
-    assert "no coordinate system" in refusal(path)
+    assert "no coordinate system on the ground (a .prj beside the file states one)" in refusal(path)
     prj(path)
     raster = read_raster(path)
     assert raster.west == west

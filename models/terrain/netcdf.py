@@ -33,19 +33,25 @@ def check_axes(dataset: Any, file: Path, where: str) -> None:
     from rasterio.errors import RasterioIOError
 
     tags = dataset.tags()
-    for name in sorted(key.partition("#")[0] for key in tags if key.endswith("#standard_name") and tags[key] in _AXES):
+    for name in sorted({key.partition("#")[0] for key, value in tags.items() if _is_axis(key, value)}):
         try:
             with rasterio.open(f'netcdf:"{file}":{name}') as axis:
+                if min(axis.shape) > 1 or not 2 < max(axis.shape) or max(axis.shape) not in dataset.shape:
+                    continue
                 values = axis.read(1).ravel().astype(float)
         except RasterioIOError:  # a single number, which is no axis
-            continue
-        if values.size not in dataset.shape or values.size < 3:
             continue
         places = np.linspace(values[0], values[-1], values.size)
         off = np.abs(values - places) / abs(places[1] - places[0])
         if not off.max() <= _UNEVEN:
             k = int(off.argmax())
             raise TerrainError(f"{where}: {name}[{k}] = {values[k]:.10g}; allowed: coordinates in equal steps")
+
+
+def _is_axis(key: str, value: str) -> bool:
+    return (key.endswith("#standard_name") and value in _AXES) or (
+        key.endswith("#units") and value.startswith("degree")
+    )
 
 
 def outside_valid(values: Array, tags: dict[str, str], where: str) -> NDArray[np.bool_]:

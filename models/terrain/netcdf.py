@@ -36,7 +36,7 @@ def check_axes(dataset: Any, file: Path, where: str) -> None:
     for name in sorted({key.partition("#")[0] for key, value in tags.items() if _is_axis(key, value)}):
         try:
             with rasterio.open(f'netcdf:"{file}":{name}') as axis:
-                if min(axis.shape) > 1 or not 2 < max(axis.shape) or max(axis.shape) not in dataset.shape:
+                if min(axis.shape) > 1 or max(axis.shape) < 3 or max(axis.shape) not in dataset.shape:
                     continue
                 values = axis.read(1).ravel().astype(float)
         except RasterioIOError:  # a single number, which is no axis

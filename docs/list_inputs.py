@@ -10,13 +10,15 @@ class, or in the ``marks`` of one of its cases. The text outside of the tables i
 
 from __future__ import annotations
 
-import ast
+import importlib
 import re
 import sys
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "reference" / "inputs.md"
@@ -61,39 +63,41 @@ def kinds() -> dict[str, Kind]:
 
 
 def markers(folder: Path = TESTS) -> list[Marker]:
-    """Return all markers of the tests, read without importing them."""
-    return [
-        marker
-        for path in sorted(folder.rglob("test_*.py"))
-        for marker in _of_file(path, path.relative_to(folder.parent).as_posix())
-    ]
+    """Return all markers of the tests in a folder, in their order. Only files that have any are imported."""
+    found = []
+    for path in sorted(folder.rglob("test_*.py")):
+        if any(f"mark.{verdict}" in path.read_text(encoding="utf-8") for verdict in VERDICTS):
+            module = _imported(path.relative_to(folder.parent), folder.parent)
+            found += list(_of_scope(vars(module), path.relative_to(folder.parent).as_posix(), module.__name__))
+    return found
 
 
-def _of_file(path: Path, name: str) -> Iterator[Marker]:
-    text = path.read_text(encoding="utf-8")
-    if not any(f"mark.{verdict}" in text for verdict in VERDICTS):
-        return
-    for node in ast.parse(text).body:
-        if isinstance(node, ast.ClassDef):
-            for inner in node.body:
-                if isinstance(inner, ast.FunctionDef) and inner.name.startswith("test"):
-                    yield from _of_test(
-                        [*node.decorator_list, *inner.decorator_list], f"{name}::{node.name}::{inner.name}"
-                    )
-        elif isinstance(node, ast.FunctionDef) and node.name.startswith("test"):
-            yield from _of_test(node.decorator_list, f"{name}::{node.name}")
+def _imported(path: Path, root: Path) -> ModuleType:
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    return importlib.import_module(".".join(path.with_suffix("").parts))
 
 
-def _of_test(decorators: Sequence[ast.expr], test: str) -> Iterator[Marker]:
-    for node in (inner for decorator in decorators for inner in ast.walk(decorator)):
-        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in VERDICTS):
+def _of_scope(scope: Mapping[str, Any], place: str, module: str, around: Sequence[Any] = ()) -> Iterator[Marker]:
+    """Markers of the tests that a module or a class has; ``around`` are those of the class."""
+    for name, item in scope.items():
+        marks = [*around, *getattr(item, "pytestmark", ())]
+        if getattr(item, "__module__", "") != module:
             continue
-        words = [each.value for each in node.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
-        if len(words) != 2 or len(node.args) != 2 or node.keywords:
-            raise ValueError(
-                f"{test}: {ast.unparse(node)}; allowed: {node.func.attr}(kind, feature), two literal texts"
-            )
-        yield Marker(node.func.attr, words[0], words[1], test)
+        if isinstance(item, type) and name.startswith("Test"):
+            yield from _of_scope(vars(item), f"{place}::{name}", module, marks)
+        elif callable(item) and name.startswith("test"):
+            yield from _of_test(marks, f"{place}::{name}")
+
+
+def _of_test(marks: Sequence[Any], test: str) -> Iterator[Marker]:
+    cases = [case for mark in marks if mark.name == "parametrize" for case in mark.args[1]]
+    of_cases = [mark for case in cases for mark in getattr(case, "marks", ())]
+    for mark in dict.fromkeys((each.name, each.args) for each in (*marks, *of_cases) if each.name in VERDICTS):
+        verdict, words = mark
+        if len(words) != 2 or not all(isinstance(word, str) for word in words):
+            raise ValueError(f"{test}: {verdict}{words}; allowed: {verdict}(kind, feature), two texts")
+        yield Marker(verdict, *words, test)
 
 
 def faults(listed: Mapping[str, Kind], marked: Sequence[Marker]) -> list[str]:

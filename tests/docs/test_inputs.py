@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,12 +20,17 @@ def test_every_feature_has_a_test_every_marker_a_feature_and_the_page_is_the_pre
 SOURCE = """
 import pytest
 
+FEATURES = {"gz": 1, "zip": 2}
+
 @pytest.mark.honoured("DEM", "rotation")
 class TestPlace:
     @pytest.mark.refused("DEM", "no place")
     def test_it(self): ...
 
-@pytest.mark.parametrize("case", [pytest.param(1, marks=pytest.mark.honoured("DEM", "zip"))])
+def packed(feature):
+    return pytest.param(1, marks=pytest.mark.honoured("DEM", feature))
+
+@pytest.mark.parametrize("case", [0, *map(packed, FEATURES)])
 def test_cases(case): ...
 
 def helper(): pytest.mark.honoured("DEM", "nothing")
@@ -32,24 +38,29 @@ def helper(): pytest.mark.honoured("DEM", "nothing")
 
 
 def markers_of(folder: Path, source: str) -> list[tuple[str, str, str]]:
-    path = folder / "tests" / "terrain" / "test_dem.py"
+    path = folder / f"suite_{folder.name}" / "terrain" / "test_dem.py"
     path.parent.mkdir(parents=True)
     path.write_text(source)
-    return [(each.verdict, each.feature, each.test) for each in list_inputs.markers(folder / "tests")]
+    return [(each.verdict, each.feature, each.test) for each in list_inputs.markers(path.parents[1])]
 
 
-def test_markers_are_found_on_functions_classes_and_cases(tmp_path: Path) -> None:
-    place = "tests/terrain/test_dem.py::TestPlace::test_it"
+def test_markers_are_found_on_functions_classes_and_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    place = f"suite_{tmp_path.name}/terrain/test_dem.py"
     assert markers_of(tmp_path, SOURCE) == [
-        ("honoured", "rotation", place),
-        ("refused", "no place", place),
-        ("honoured", "zip", "tests/terrain/test_dem.py::test_cases"),
+        ("honoured", "rotation", f"{place}::TestPlace::test_it"),
+        ("refused", "no place", f"{place}::TestPlace::test_it"),
+        ("honoured", "gz", f"{place}::test_cases"),
+        ("honoured", "zip", f"{place}::test_cases"),
     ]
 
 
-@pytest.mark.parametrize("words", ['"DEM"', '"DEM", NAME', '"DEM", "a", "b"', 'kind="DEM", feature="a"'])
-def test_a_marker_that_cannot_be_read_names_its_test(tmp_path: Path, words: str) -> None:
-    source = f"@pytest.mark.honoured({words})\ndef test_it(): ..."
+@pytest.mark.parametrize("words", ['"DEM"', '"DEM", 3', '"DEM", "a", "b"', 'kind="DEM", feature="a"'])
+def test_a_marker_that_cannot_be_read_names_its_test(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
+) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    source = f"import pytest\n\n@pytest.mark.honoured({words})\ndef test_it(): ..."
     with pytest.raises(ValueError, match=r"test_dem\.py::test_it: .* allowed: honoured\(kind, feature\)"):
         markers_of(tmp_path, source)
 

@@ -4,7 +4,8 @@ Read, crop, fill, resample, in this order: voids outside the crop do not matter,
 
 Nodes a fixed angle apart are not a fixed distance apart. They are resampled bilinearly onto a square grid of local
 equirectangular metres: east and north as on the file's ellipsoid at the latitude of the centre. Over one degree the
-true distance east differs from that by less than 1 % at 45 degrees of latitude, 2 % at 60.
+true distance east differs from that by less than 1 % at 45 degrees of latitude, 2 % at 60; where it is more, the source
+of the map says how much.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from mathnavi.models.terrain.resampling import rises, rounded_up, square_grid
 from mathnavi.models.terrain.voids import GROUND, check_ground, check_voids, filled
 
 PACKED = (".zip", ".gz")
+_CLOSE = 0.02  # of lengths east that passes for true
 
 
 def import_dem(
@@ -64,11 +66,21 @@ def import_dem(
     outside = (grid.row < 0.0) | (grid.row > raster.z.shape[0] - 1.0) | (grid.column < 0.0)
     check_voids(grid.z, raster, outside | (grid.column > raster.z.shape[1] - 1.0))
     grid = rounded_up(grid)
-    source = "; ".join(filter(None, (raster.source, raster.taken)))
+    source = "; ".join(filter(None, (raster.source, raster.taken, _off_at_ends(raster))))
     above = rises(raster, grid)
     terrain = HeightField(grid.z, grid.spacing, raster.name, source, raster.licence, above, raster.datum)
     write_npz(terrain, out)
     return read_npz(out)
+
+
+def _off_at_ends(raster: Raster) -> str:
+    """Say how wrong lengths east are at the ends of a raster in degrees; "" if they are within ``_CLOSE``."""
+    if raster.latitude is None:
+        return ""
+    _, south, _, north = raster.box
+    middle, *ends = (raster.ellipsoid.metres_per_degree(latitude)[1] for latitude in (raster.latitude, south, north))
+    off = max(abs(end / middle - 1.0) for end in ends)
+    return f"lengths east are off by {100.0 * off:.2g} % at its north or south end" if off > _CLOSE else ""
 
 
 def _check_words(

@@ -179,6 +179,11 @@ def located(dataset: Any, ellipsoid: Ellipsoid, degrees: bool, kept: bool, where
     step = min(math.hypot(*right), math.hypot(*lower))
     steps = (step / to_north, step / to_east)
     borders = [np.array(values[:84]).reshape(4, 21) for values in (east, north)]
+    if degrees and np.abs(np.diff(borders[0], axis=1)).max() > 180.0:
+        raise TerrainError(
+            f"{where}: it crosses the meridian where longitudes begin again, or holds a pole; allowed: a part beside "
+            "it, or a projection that is true to scale there, to which gdalwarp brings it"
+        )
     west, east_end = _ends(borders[0], steps[1])
     south, north_end = _ends(borders[1], steps[0])
     extents = ((north_end - south) / steps[0], (east_end - west) / steps[1])

@@ -19,7 +19,7 @@ from rasterio.transform import Affine, from_origin
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.ellipsoid import WGS84 as ELLIPSOID
 from mathnavi.models.terrain.raster_file import read_raster
-from tests.models.terrain.test_geotiff import CORNER, UTM, WGS84, save
+from tests.models.terrain.test_geotiff import CORNER, UTM, WEB_MERCATOR, WGS84, save
 from tests.models.terrain.test_raster_files import HEIGHTS, SHAPE
 
 SOUTH_FIRST = HEIGHTS[::-1]
@@ -167,6 +167,26 @@ def test_sidecars_say_what_the_file_does_not(tmp_path: Path) -> None:
     raster = read_raster(path)
     np.testing.assert_allclose(raster.z, np.where(VALUES[2, 3] == SOUTH_FIRST, np.nan, 0.5 * SOUTH_FIRST))
     assert (raster.west, raster.box[3]) == (500015.0, 4699985.0)
+
+
+@pytest.mark.honoured("DEM", "a picture across the meridian of 180 degrees")
+@pytest.mark.refused("DEM", "a stretched picture across the meridian of 180 degrees, or with a pole")
+def test_the_far_side_of_the_world_is_ground_or_refused(tmp_path: Path) -> None:
+    over = (WGS84, from_origin(179.99, 45.0, 0.001, 0.001)), ("EPSG:32660", from_origin(732e3, 5e6, 100.0, 100.0))
+    for crs, place in over:
+        assert np.isfinite(imported(save(tmp_path / "a.tif", HEIGHTS, crs, place))).all()
+    mercator = WEB_MERCATOR, from_origin(20037508.0 - 1500.0, 5e6, 100.0, 100.0)
+    for crs, place in (mercator, ("EPSG:3413", from_origin(-1500.0, 1200.0, 100.0, 100.0))):
+        words = refusal(save(tmp_path / "b.tif", HEIGHTS, crs, place))
+        assert "crosses the meridian where longitudes begin again, or holds a pole" in words
+
+
+@pytest.mark.honoured("DEM", "lengths of a degree over many degrees")
+def test_a_map_of_many_degrees_says_how_far_its_lengths_are_off(tmp_path: Path) -> None:
+    for step, said in ((0.04, False), (0.4, True)):
+        path = save(tmp_path / "a.tif", HEIGHTS, WGS84, from_origin(10.0, 60.0, 0.04, step))
+        source = import_dem(path, tmp_path / "a.npz").source  # cos 59.8 / cos 55.2 = 0.88
+        assert ("lengths east are off by 12 % at its north or south end" in source) == said
 
 
 @pytest.mark.refused("DEM", "fewer than 2 x 2 heights")

@@ -205,7 +205,9 @@ def test_four_heights_in_a_turned_square_hold_no_north_up_one(tmp_path: Path) ->
 
 @pytest.mark.honoured("DEM", "whole numbers of 8 to 64 bits, signed or not")
 @pytest.mark.honoured("DEM", "floating-point numbers")
-@pytest.mark.parametrize("dtype", ["int8", "uint8", "uint16", "uint32", "int64", "uint64", "float32", "float64"])
+@pytest.mark.parametrize(
+    "dtype", ["int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"]
+)
 def test_heights_have_any_real_type(tmp_path: Path, dtype: str) -> None:
     values = (HEIGHTS % 120).astype(dtype)
     np.testing.assert_array_equal(imported(save(tmp_path / "a.tif", values)), HEIGHTS[::-1] % 120)

@@ -35,7 +35,7 @@ from tests.models.terrain.test_raster_files import HEIGHTS
 @pytest.mark.parametrize(
     "how",
     [
-        *({"compress": name} for name in ("packbits", "zstd", "lerc")),
+        *({"compress": name} for name in (None, "packbits", "deflate", "lzw", "zstd", "lerc")),
         {"compress": "deflate", "predictor": 2, "tiled": True, "blockxsize": 16, "blockysize": 16},
         {"bigtiff": "YES", "endianness": "BIG"},
         {"endianness": "LITTLE"},

@@ -27,7 +27,7 @@ from mathnavi.models.terrain.netcdf import check_axes, check_whole, outside_vali
 from mathnavi.models.terrain.packed_files import MOST_BYTES, check_files, check_virtual, unpacked
 from mathnavi.models.terrain.placement import corners_of, located, true_to_scale
 from mathnavi.models.terrain.raster import Box, Raster, cropped, within
-from mathnavi.models.terrain.vertical import Heights, heights_of, parts_of
+from mathnavi.models.terrain.vertical import Heights, heights_of, is_metre, parts_of
 from mathnavi.models.terrain.voids import GROUND, check_ground
 
 FORMATS = {
@@ -92,6 +92,8 @@ def read_raster(
                 check_files(file, dataset.files)
                 if dataset.driver == "netCDF":
                     check_axes(dataset, file, str(path))
+                if dataset.driver == "VRT":
+                    _check_sources(dataset, check_virtual(file), str(path))
                 return _Reader(dataset, path, file, scale, nodata, heights).raster(crop)
         except RasterioIOError as error:  # its cause says more than itself
             raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error.__cause__ or error)})") from None
@@ -117,6 +119,28 @@ def _check_before(file: Path) -> None:
         if size not in {2 * rows * columns for rows, columns in TILES}:
             allowed = ", ".join(f"{2 * rows * columns} ({rows} x {columns})" for rows, columns in TILES)
             raise TerrainError(f"{file}: {size} bytes are not a whole tile; allowed: {allowed}")
+
+
+def _check_sources(dataset: Any, sources: Sequence[Path], where: str) -> None:
+    """Raise TerrainError if a picture states voids, a unit, a scale or an offset that the virtual raster does not."""
+    import rasterio
+
+    for source in sources:
+        with rasterio.open(source, driver=FORMATS[source.suffix.lower()]) as own:
+            voids = own.nodata is not None or own.mask_flag_enums[0][0].name != "all_valid"
+            if voids and dataset.nodata is None:
+                raise TerrainError(
+                    f"{where}: {source.name} has voids; allowed: with a NoDataValue of the virtual raster"
+                )
+            stated = (("unit", "units", ""), ("scale", "scales", 1.0), ("offset", "offsets", 0.0))
+            for name, names, default in stated:
+                theirs, ours = getattr(own, names)[0] or default, getattr(dataset, names)[0] or default
+                same = theirs == ours or (name == "unit" and is_metre(theirs) and is_metre(ours))
+                if theirs != default and not same:
+                    raise TerrainError(
+                        f"{where}: {source.name} has the {name} {theirs}, the virtual raster {ours or 'none'}; allowed: "
+                        "the same"
+                    )
 
 
 def _check_raw(file: Path) -> None:

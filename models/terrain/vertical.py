@@ -25,6 +25,15 @@ _UNITS: dict[float, tuple[str, ...]] = {
 _FACTORS = {name: factor for factor, names in _UNITS.items() for name in names}
 
 
+def is_metre(stated: str) -> bool:
+    """Return True if a stated unit of heights is the metre, or none is stated."""
+    return not stated or _FACTORS.get(_unit_name(stated)) == 1.0
+
+
+def _unit_name(stated: str) -> str:
+    return " ".join(re.sub(r"[-_.()]", " ", stated).lower().split())
+
+
 @dataclass(frozen=True)
 class Heights:
     """How the numbers of a file become heights."""
@@ -47,7 +56,7 @@ def heights_of(stated: str, crs: Mapping[str, Any], scale: float | None, where: 
         raise TerrainError(f"{where}: depths, measured downwards ({datum}); allowed: heights, measured upwards")
     if scale is not None:
         return Heights(scale, datum, "")
-    name = " ".join(re.sub(r"[-_.()]", " ", stated).lower().split())
+    name = _unit_name(stated)
     by_crs = None if vertical is None else _factor(vertical["unit"])
     if name:
         if name not in _FACTORS:

@@ -325,6 +325,33 @@ def test_a_source_of_a_virtual_raster_is_checked_as_a_file_of_its_own(tmp_path: 
             read_raster(tmp_path / "b.vrt")
 
 
+@pytest.mark.refused("DEM", ".vrt: voids, unit or scale of a source alone")
+@pytest.mark.parametrize(
+    ("own", "inside", "words"),
+    [
+        ({"nodata": 300}, "", "b.tif has voids; allowed: with a NoDataValue"),
+        ({"units": "ft"}, "", "b.tif has the unit ft, the virtual raster none; allowed: the same"),
+        ({"scales": 0.5}, "", "b.tif has the scale 0.5, the virtual raster 1.0"),
+        ({"offsets": 9.0}, "<Offset>8</Offset>", "b.tif has the offset 9.0, the virtual raster 8.0"),
+        ({"units": "metre"}, "", ""),
+        ({"nodata": 300, "units": "ft"}, "<NoDataValue>300</NoDataValue><UnitType>ft</UnitType>", ""),
+    ],
+)
+def test_what_a_source_states_the_virtual_raster_states_too(
+    tmp_path: Path, own: dict[str, Any], inside: str, words: str
+) -> None:
+    save(tmp_path / "b.tif", VALUES, **own)
+    (tmp_path / "a.vrt").write_text(
+        "<VRTDataset rasterXSize='31' rasterYSize='24'><SRS>EPSG:32644</SRS><GeoTransform>0, 30, 0, 0, 0, -30"
+        f"</GeoTransform><VRTRasterBand dataType='Int16' band='1'>{inside}<SimpleSource><SourceFilename "
+        "relativeToVRT='1'>b.tif</SourceFilename><SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    if words:
+        assert words in refusal(tmp_path / "a.vrt")
+    else:
+        np.testing.assert_array_equal(read_raster(tmp_path / "a.vrt").z, read_raster(tmp_path / "b.tif").z)
+
+
 @pytest.mark.honoured("DEM", ".vrt: mosaic with voids and scale of its sources")
 def test_a_virtual_raster_places_pictures_side_by_side(tmp_path: Path) -> None:
     save(tmp_path / "west.tif", VALUES[:, :16], nodata=int(VALUES[0, 0]))

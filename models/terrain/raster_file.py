@@ -130,7 +130,7 @@ def _check_sources(dataset: Any, sources: Sequence[Path], where: str) -> None:
             voids = own.nodata is not None or own.mask_flag_enums[0][0].name != "all_valid"
             if voids and dataset.nodata is None:
                 raise TerrainError(
-                    f"{where}: {source.name} has voids; allowed: with a NoDataValue of the virtual raster"
+                    f"{where}: {source.name} has voids; allowed: if the virtual raster has a NoDataValue"
                 )
             stated = (("unit", "units", ""), ("scale", "scales", 1.0), ("offset", "offsets", 0.0))
             for name, names, default in stated:
@@ -138,8 +138,8 @@ def _check_sources(dataset: Any, sources: Sequence[Path], where: str) -> None:
                 same = theirs == ours or (name == "unit" and is_metre(theirs) and is_metre(ours))
                 if theirs != default and not same:
                     raise TerrainError(
-                        f"{where}: {source.name} has the {name} {theirs}, the virtual raster {ours or 'none'}; allowed: "
-                        "the same"
+                        f"{where}: {source.name} has the {name} {theirs}, the virtual raster {ours or 'none'}; "
+                        "allowed: the same"
                     )
 
 

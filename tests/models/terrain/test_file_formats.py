@@ -329,7 +329,7 @@ def test_a_source_of_a_virtual_raster_is_checked_as_a_file_of_its_own(tmp_path: 
 @pytest.mark.parametrize(
     ("own", "inside", "words"),
     [
-        ({"nodata": 300}, "", "b.tif has voids; allowed: with a NoDataValue"),
+        ({"nodata": 300}, "", "b.tif has voids; allowed: if the virtual raster has a NoDataValue"),
         ({"units": "ft"}, "", "b.tif has the unit ft, the virtual raster none; allowed: the same"),
         ({"scales": 0.5}, "", "b.tif has the scale 0.5, the virtual raster 1.0"),
         ({"offsets": 9.0}, "<Offset>8</Offset>", "b.tif has the offset 9.0, the virtual raster 8.0"),

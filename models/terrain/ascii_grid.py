@@ -15,11 +15,16 @@ from mathnavi.interfaces.reading.files import opened
 MOST_TEXT = 2**33  # [bytes]
 _CHUNK = 1 << 22
 _PLAIN = b"0123456789.,eE+- \t\r\n"
-_NUMBER = re.compile(rb"[+-]?(?:(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|(?i:nan|inf|infinity)|\d[.,]#\w+)")
+_FINITE = re.compile(rb"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(rb"(?:" + _FINITE.pattern + rb"|[+-]?(?i:nan|inf|infinity|\d[.,]#\w+))")
 
 
-def check_ascii_grid(path: Path) -> None:
-    """Raise TerrainError for a word among the numbers, and for another number of them than rows and columns say."""
+def check_ascii_grid(path: Path, finite: bool = False) -> None:
+    """Raise TerrainError for a word among the numbers, and for another number of them than rows and columns say.
+
+    ``finite``: also for NaN and infinity, where GDAL is not told that heights are no whole numbers.
+    """
+    allowed = _FINITE if finite else _NUMBER
     with opened(path, TerrainError, MOST_TEXT) as file:
         sizes: dict[bytes, bytes] = {}
         count, rest = 0, b""
@@ -35,7 +40,7 @@ def check_ascii_grid(path: Path) -> None:
             # The last word of a chunk may go on in the next one.
             rest = words.pop() if chunk and words and not chunk[-1:].isspace() else b""
             plain = not chunk.translate(None, _PLAIN)  # quicker than word by word
-            if not plain and (odd := next((word for word in words if not _NUMBER.fullmatch(word)), None)):
+            if not plain and (odd := next((word for word in words if not allowed.fullmatch(word)), None)):
                 raise TerrainError(f"{path}: {odd[:40].decode(errors='replace')!r} among the heights; allowed: numbers")
             count += len(words)
             chunk = file.read(_CHUNK)

@@ -101,13 +101,16 @@ def read_raster(
             raise TerrainError(f"{path}: not a readable {_kind(file)} ({_line(error)})") from None
 
 
-def _check_before(file: Path) -> None:
-    """Raise TerrainError for a file that GDAL would not recognise, follow to others, or read beyond its end."""
+def _check_before(file: Path, placed: bool = False) -> None:
+    """Raise TerrainError for a file that GDAL would not recognise, follow to others, or read beyond its end.
+
+    ``placed``: it is a source of a virtual raster, which opens it without ``OPTIONS``.
+    """
     if file.suffix.lower() == ".vrt":
         for source in check_virtual(file):
-            _check_before(source)
+            _check_before(source, placed=True)
     if file.suffix.lower() == ".asc":
-        check_ascii_grid(file)
+        check_ascii_grid(file, finite=placed)
     if file.suffix.lower() == ".nc":
         check_whole(file, MOST_BYTES)
     if file.suffix.lower() in (".bil", ".flt"):

@@ -312,6 +312,7 @@ def test_a_virtual_raster_is_a_mosaic_and_no_more(tmp_path: Path, attribute: str
 def test_a_source_of_a_virtual_raster_is_checked_as_a_file_of_its_own(tmp_path: Path) -> None:
     for name, content, words in (
         ("a.asc", f"ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 30\n{'1 ' * 7}", "7 heights; allowed: 6"),
+        ("a.asc", f"ncols 3\nnrows 2\nxllcorner 0\nyllcorner 0\ncellsize 30\n{'nan ' * 6}", "'nan' among the heights"),
         ("a.bil", "short", "5 bytes; allowed: 12"),
         ("N10E010.hgt", "short", "5 bytes are not a whole tile"),
     ):

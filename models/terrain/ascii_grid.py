@@ -13,7 +13,7 @@ from mathnavi.interfaces.errors import TerrainError
 from mathnavi.interfaces.reading.files import opened
 
 MOST_TEXT = 2**33  # [bytes]
-_CHUNK = 1 << 22
+_CHUNK, _LINE = 1 << 22, 1 << 16  # [bytes]
 _PLAIN = b"0123456789.,eE+- \t\r\n"
 _FINITE = re.compile(rb"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?")
 _NUMBER = re.compile(rb"(?:" + _FINITE.pattern + rb"|[+-]?(?i:nan|inf|infinity|\d[.,]#\w+))")
@@ -28,18 +28,19 @@ def check_ascii_grid(path: Path, finite: bool = False) -> None:
     with opened(path, TerrainError, MOST_TEXT) as file:
         sizes: dict[bytes, bytes] = {}
         count, rest = 0, b""
-        line = file.readline(_CHUNK)
+        line = file.readline(_LINE)
         while words := line.split():
             if _NUMBER.fullmatch(words[0]) or len(words) != 2:
                 break
             sizes[words[0].lower()] = words[1]
-            line = file.readline(_CHUNK)
+            line = file.readline(_LINE)
         chunk = line
         while chunk or rest:
-            words = (rest + chunk).split()
+            text = rest + chunk
+            words = text.split()
             # The last word of a chunk may go on in the next one.
             rest = words.pop() if chunk and words and not chunk[-1:].isspace() else b""
-            plain = not chunk.translate(None, _PLAIN)  # quicker than word by word
+            plain = not text.translate(None, _PLAIN)  # quicker than word by word
             if not plain and (odd := next((word for word in words if not allowed.fullmatch(word)), None)):
                 raise TerrainError(f"{path}: {odd[:40].decode(errors='replace')!r} among the heights; allowed: numbers")
             count += len(words)

@@ -20,6 +20,7 @@ from rasterio.transform import from_origin
 from scipy.io import netcdf_file
 
 from mathnavi.interfaces.errors import TerrainError
+from mathnavi.models.terrain import ascii_grid
 from mathnavi.models.terrain.dem_import import import_dem
 from mathnavi.models.terrain.netcdf import check_whole
 from mathnavi.models.terrain.raster_file import read_raster
@@ -119,7 +120,11 @@ def test_an_ascii_grid_that_begins_with_whole_numbers_keeps_its_fractions(tmp_pa
         ("1 2 3\n4 tree 6", "'tree' among the heights; allowed: numbers"),
     ],
 )
-def test_an_ascii_grid_has_a_number_for_each_node(tmp_path: Path, numbers: str, found: list[list[float]] | str) -> None:
+@pytest.mark.parametrize("chunk", [1, 7, 1 << 22])
+def test_an_ascii_grid_has_a_number_for_each_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, numbers: str, found: list[list[float]] | str, chunk: int
+) -> None:
+    monkeypatch.setattr(ascii_grid, "_CHUNK", chunk)
     path = tmp_path / "a.asc"
     path.write_text(f"ncols 3\nnrows 2\nxllcorner 500000\nyllcorner 4000000\ncellsize 30\n{numbers}")
     prj(path)

@@ -138,7 +138,7 @@ def _check_sources(dataset: Any, sources: Sequence[Path], where: str) -> None:
             stated = (("unit", "units", ""), ("scale", "scales", 1.0), ("offset", "offsets", 0.0))
             for name, names, default in stated:
                 theirs, ours = getattr(own, names)[0] or default, getattr(dataset, names)[0] or default
-                same = theirs == ours or (name == "unit" and is_metre(theirs) and is_metre(ours))
+                same = theirs == ours or (name == "unit" and is_metre(str(theirs)) and is_metre(str(ours)))
                 if theirs != default and not same:
                     raise TerrainError(
                         f"{where}: {source.name} has the {name} {theirs}, the virtual raster {ours or 'none'}; "

@@ -43,6 +43,20 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
     return (*positions, *velocities)
 
 
+def activations(model: mujoco.MjModel, actuators: Sequence[int]) -> tuple[list[int], tuple[str, ...]]:
+    """Return the places in act of the states that these actuators have, and the name and unit of each.
+
+    The names are without the vehicle's name before a "/"; those of an actuator with several states are numbered.
+    """
+    places, names = [], []
+    for i in actuators:
+        full, count = model.actuator(i).name, int(model.actuator_actnum[i])
+        name = full.partition("/")[2] or full or str(i)
+        places += [int(model.actuator_actadr[i]) + k for k in range(count)]
+        names += [f"activation_{name}{f'_{k}' if count > 1 else ''} [-]" for k in range(count)]
+    return places, tuple(names)
+
+
 def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
     """Return the places in q of the quaternions of the ball and free joints among these adjacent joints."""
     first = int(model.jnt_qposadr[joints[0]])

@@ -128,7 +128,23 @@ class Plant(Protocol):
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """Advance by a number of ticks, inputs (nu,) by vehicle and forces held; return events, such as contacts."""
+        """Advance by a number of ticks, inputs (nu,) by vehicle and forces held; return events, such as contacts.
+
+        An event of the kind ``DIVERGED`` ends the run.
+        """
+        ...
+
+
+@runtime_checkable
+class PlantWithActivations(Plant, Protocol):
+    """Plant whose actuators may have states of their own, such as muscles and filters; the log has them."""
+
+    def activation_names(self, name: str) -> tuple[str, ...]:
+        """Return name and unit of each activation (na,) of a vehicle's actuators; none where no actuator has any."""
+        ...
+
+    def activations(self, name: str) -> Array:
+        """Return the activations (na,) of a vehicle's actuators, a copy."""
         ...
 
 

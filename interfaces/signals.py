@@ -179,6 +179,10 @@ class PlanRequest:
     messages: tuple[Message, ...] = ()  # delivered since the last request
 
 
+DIVERGED = "diverged"
+"""Kind of the event by which a plant says that its simulation is lost: it ends the run."""
+
+
 @dataclass(frozen=True)
 class Event:
     """Event that is recorded as a line in events.jsonl."""

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.protocols import Planner, Plant, Sensor
+from mathnavi.interfaces.protocols import Planner, Plant, PlantWithActivations, Sensor
 from mathnavi.interfaces.signals import Array, Event, Measurement, Plan, PlanRequest, Status
 
 
@@ -204,6 +204,12 @@ class Disturbed:
 
     def state_names(self, name: str) -> tuple[str, ...]:
         return self.plant.state_names(name)
+
+    def activation_names(self, name: str) -> tuple[str, ...]:
+        return self.plant.activation_names(name) if isinstance(self.plant, PlantWithActivations) else ()
+
+    def activations(self, name: str) -> Array:
+        return self.plant.activations(name) if isinstance(self.plant, PlantWithActivations) else np.empty(0)
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return self.plant.sensor_sizes(name)

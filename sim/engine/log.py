@@ -1,6 +1,7 @@
 """Recording of a run while it flies: arrays over time, events, and the solve times.
 
-Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
+Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``truth.activation`` (n, na; if actuators have states of their
+own), ``measurement.NAME`` (n, m; the newest, NaN where none),
 ``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``,
 and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, if the metrics define any. A single
 vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are not in the arrays,
@@ -15,7 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.protocols import Plant, PlantWithActivations
 from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status, status_text
 from mathnavi.sim.engine.answer_times import AnswerTimes
 
@@ -106,6 +107,8 @@ class Recording:
     state_names: dict[str, tuple[str, ...]]
     length: int = 0
     cramer_rao: dict[str, Array] = field(default_factory=dict)  # (n, m) deviations by vehicle, if there is a bound
+    activations: dict[str, Array] = field(default_factory=dict)  # (n, na) by vehicle whose actuators have states
+    activation_names: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @staticmethod
     def begin(plant: Plant, input_sizes: Mapping[str, int], length: int) -> Recording:
@@ -122,19 +125,27 @@ class Recording:
         }
         truths = {name: np.zeros((length, plant.state(name).size)) for name in plant.names}
         names = {name: plant.state_names(name) for name in plant.names}
-        return Recording(np.zeros(length), truths, agents, events, names)
+        recording = Recording(np.zeros(length), truths, agents, events, names)
+        if isinstance(plant, PlantWithActivations):
+            recording.activation_names = {name: own for name in plant.names if (own := plant.activation_names(name))}
+        for name, own in recording.activation_names.items():
+            recording.activations[name] = np.zeros((length, len(own)))
+        return recording
 
-    def truth(self, k: int, t: float, truths: Mapping[str, Array]) -> None:
-        """Record the k-th sample: t [s] and the true states (nx,) by vehicle."""
+    def truth(self, k: int, t: float, truths: Mapping[str, Array], activations: Mapping[str, Array]) -> None:
+        """Record the k-th sample: t [s], and by vehicle the true states (nx,) and the activations (na,) there are."""
         self.t[k] = t
         for name, x in truths.items():
             self.truths[name][k] = x
+        for name, activation in activations.items():
+            self.activations[name][k] = activation
         self.length = k + 1
 
     def end(self) -> Recording:
         """Truncate the log to the samples that were flown, and return it."""
         self.t = self.t[: self.length]
         self.truths = {name: x[: self.length] for name, x in self.truths.items()}
+        self.activations = {name: each[: self.length] for name, each in self.activations.items()}
         return self
 
     def arrays(self) -> dict[str, Array]:
@@ -143,6 +154,8 @@ class Recording:
         for name, truth in self.truths.items():
             prefix = "" if len(self.truths) == 1 else f"{name}."
             out[f"{prefix}truth.x"] = truth
+            if name in self.activations:
+                out[f"{prefix}truth.activation"] = self.activations[name]
             if name in self.agents:
                 out |= {f"{prefix}{key}": value for key, value in self.agents[name].arrays(self.length).items()}
             if name in self.cramer_rao:

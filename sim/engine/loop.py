@@ -20,8 +20,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.protocols import Plant
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.protocols import Plant, PlantWithActivations
+from mathnavi.interfaces.signals import DIVERGED, Array
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.agent_runner import Agent, AgentRunner
 from mathnavi.sim.engine.answer_times import Latency
@@ -64,6 +64,7 @@ class Loop:
     """Closed loop, step by step: ``control_step`` or ``observe``, then ``advance``, until ``over``.
 
     ``t`` [s] and ``truths``, (nx,) by vehicle, are those of the last sample; ``recording`` holds all samples so far.
+    A sample at which the simulation has ``diverged`` is the last one: its states are NaN, and no agent sees it.
     """
 
     def __init__(
@@ -108,6 +109,9 @@ class Loop:
         self._row = self._tick = 0
         self.t = plant.t
         self.truths: dict[str, Array] = {}
+        self.diverged = False
+        """whether the plant has lost its state"""
+        self._actuators = plant if isinstance(plant, PlantWithActivations) else None
 
     @property
     def over(self) -> bool:
@@ -117,13 +121,13 @@ class Loop:
     def control_step(self) -> None:
         """Sample the sensors, estimate, plan and track, each if it is due now."""
         row, k, t = self._begin()
-        for runner in self._each:
+        for runner in () if self.diverged else self._each:
             runner.control_step(row, k, t, self._plant.sense(runner.name))
 
     def observe(self) -> None:
         """Sample the sensors and estimate only; ``command`` sets the input until the next sample."""
         row, k, t = self._begin()
-        for runner in self._each:
+        for runner in () if self.diverged else self._each:
             runner.observe(row, k, t, self._plant.sense(runner.name))
 
     def command(self, name: str, u: Array) -> None:
@@ -134,7 +138,9 @@ class Loop:
         """Advance the plant under the commands to the next sample."""
         commands = {runner.name: runner.command for runner in self._each}
         ticks = min(self.stride, self._steps - self._tick)
-        self.recording.events.extend(self._plant.step(commands, ticks))
+        events = self._plant.step(commands, ticks)
+        self.recording.events.extend(events)
+        self.diverged |= any(event.kind == DIVERGED for event in events)
         self._tick += ticks
         self._row += 1
 
@@ -143,7 +149,12 @@ class Loop:
         plant = self._plant
         t = self.t = plant.t
         self.truths = {name: plant.state(name) for name in self._names}
-        self.recording.truth(self._row, t, self.truths)
+        actuators, logged = self._actuators, self.recording.activation_names
+        activations = {} if actuators is None else {name: actuators.activations(name) for name in logged}
+        if self.diverged:
+            for values in (*self.truths.values(), *activations.values()):
+                values[:] = np.nan
+        self.recording.truth(self._row, t, self.truths, activations)
         return self._row, self._tick, t
 
 
@@ -159,6 +170,8 @@ def simulate(
 ) -> Recording:
     """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
 
+    It ends as well where the simulation diverges, which is an event of the kind ``DIVERGED``.
+
     ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
     called with the simulated time once every simulated second, ``watch`` with the loop after every control step.
     ``network`` carries the coordinators' messages, at once if none is given. ``latency`` is the simulated time that
@@ -173,7 +186,7 @@ def simulate(
         loop.control_step()
         if watch is not None:
             watch(loop)
-        if loop.over or (finished is not None and finished(loop.t, loop.truths)):
+        if loop.over or loop.diverged or (finished is not None and finished(loop.t, loop.truths)):
             return loop.recording.end()
         loop.advance()
         if progress is not None and loop.t >= reported + 1.0:

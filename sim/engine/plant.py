@@ -19,7 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.joint_states import FREE, SIZES, SLIDE, quaternions, state_names, with_unit_quaternions
+from mathnavi.interfaces.joint_states import (
+    FREE,
+    SIZES,
+    SLIDE,
+    activations,
+    quaternions,
+    state_names,
+    with_unit_quaternions,
+)
 from mathnavi.interfaces.protocols import ActuatorModel, Sensor
 from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.contact_free import ContactFree
@@ -27,6 +35,7 @@ from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.mujoco_sensors import OwnSensors
 from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.engine.simulation_warnings import SimulationWarnings
 
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
 _STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)  # the whole state on which the next steps depend
@@ -113,6 +122,7 @@ class _Vehicle:
         )
         self.ignored_contacts = frozenset(setup.ignored_contacts)
         self.state_names = state_names(model, joints)
+        self.activations, self.activation_names = activations(model, actuators)
         self.place(setup.start, "start")
         self.bounded = input_bound(name, setup.input_max, len(self.control))
         self.delay = whole_ticks(setup.delay, float(model.opt.timestep), "delay") if setup.delay != 0.0 else 0
@@ -142,8 +152,10 @@ class _Vehicles(dict[str, _Vehicle]):
 
 
 class MujocoPlant:
-    """Plant of vehicles in a compiled MuJoCo model (``mathnavi.interfaces.protocols.Plant``).
+    """Plant of vehicles in a compiled MuJoCo model (``mathnavi.interfaces.protocols.PlantWithActivations``).
 
+    The first keyframe of the model, if it has one, sets controls, activations and mocap bodies at t = 0. MuJoCo's own
+    reset of a simulation that diverges is switched off in the model; it is an event of the kind ``DIVERGED`` instead.
     The model must not change from the first step on: steps far from any contact are made with a copy of it.
     """
 
@@ -155,7 +167,11 @@ class MujocoPlant:
         """
         if not vehicles:
             raise ArgumentError("a plant needs at least one vehicle")
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         self.model, self.data = model, mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, self.data, 0)
+            self.data.time = 0.0
         self.dt = float(model.opt.timestep)
         self._ticks = 0
         self._before = np.empty(mujoco.mj_stateSize(model, _STATE))
@@ -166,6 +182,7 @@ class MujocoPlant:
             for (name, setup), generator in zip(vehicles.items(), generators, strict=True)
         )
         self._names = tuple(self._vehicles)
+        self._warnings = SimulationWarnings(model, self.data, self._names)
         self._each = tuple(self._vehicles.values())
         self._late = tuple(vehicle for vehicle in self._each if vehicle.delay)
         self._touching = False  # any vehicle anything
@@ -189,6 +206,13 @@ class MujocoPlant:
 
     def state_names(self, name: str) -> tuple[str, ...]:
         return self._vehicles[name].state_names
+
+    def activation_names(self, name: str) -> tuple[str, ...]:
+        return self._vehicles[name].activation_names
+
+    def activations(self, name: str) -> Array:
+        values: Array = self.data.act[self._vehicles[name].activations]
+        return values
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return {each.sensor.name: each.sensor.size for each in self._vehicles[name].sensors}
@@ -244,8 +268,9 @@ class MujocoPlant:
         input.
 
         An input beyond its bound is clipped to it. That, and every contact, is an event when it begins:
-        "input-clipped", "ground-contact", "vehicle-contact", "contact". With delayed actuators, an input acts that
-        number of ticks later; until the first one arrives there is none.
+        "input-clipped", "ground-contact", "vehicle-contact", "contact". The first warning of each kind that MuJoCo has
+        about the simulation is "physics-warning", or ``DIVERGED`` where its state is lost. With delayed actuators, an
+        input acts that number of ticks later; until the first one arrives there is none.
         """
         events: list[Event] = []
         for vehicle in self._each:
@@ -280,10 +305,12 @@ class MujocoPlant:
                 self._ticks += ticks
                 return True
             mujoco.mj_setState(model, data, self._before, _STATE)
+            self._warnings.clear()
         data.maxuse_con = 0
         mujoco.mj_step(model, data, ticks)
-        if data.maxuse_con:
+        if data.maxuse_con or self._warnings.pending:
             mujoco.mj_setState(model, data, self._before, _STATE)
+            self._warnings.clear()
             return False
         self._ticks += ticks
         return True
@@ -295,7 +322,9 @@ class MujocoPlant:
         return ContactFree(self.model, self.data) if ContactFree.applies(self.model, slides) else None
 
     def _pass(self, ticks: int, between: Sequence[_Vehicle], events: list[Event]) -> None:
-        """Advance tick by tick: read the sensors of the vehicles ``between``, note contacts, apply delayed inputs."""
+        """Advance tick by tick: read the sensors of the vehicles ``between``, note contacts and warnings, apply delayed
+        inputs.
+        """
         model, data, sensors = self.model, self.data, self._sensors
         for left in range(ticks - 1, -1, -1):
             for vehicle in self._late:
@@ -307,6 +336,11 @@ class MujocoPlant:
             mujoco.mj_step(model, data)
             self._ticks += 1
             sensors.passed()
+            if self._warnings.pending:
+                events += self._warnings.taken(self.t)
+            if self._warnings.lost:
+                self._ticks += left  # nothing that the remaining ticks could show
+                return
             if (data.ncon and not self._as_expected()) or self._touching:
                 self._touch(events)
             if left:

@@ -210,7 +210,7 @@ class EpisodeRunner:
         loop.observe()
         before, self._sample = self._sample, self._sampled()
         with self._spec.failures("an episode"):
-            self._finished = bool(closed_loop.finished(loop.t, loop.truths))
+            self._finished = loop.diverged or bool(closed_loop.finished(loop.t, loop.truths))
             self._referee()
             return self._cost(before, commands)
 
@@ -218,6 +218,9 @@ class EpisodeRunner:
         """Set the outcome once the mission has ended; a vehicle that arrives past its deadline is late."""
         terms = self._terms
         if terms is None or self.outcome is not None:
+            return
+        if self._loop.diverged:
+            self.outcome = Outcome.DIVERGED
             return
         self.outcome = terms.outcome(self._loop.t, self._loop.truths)
         if self.outcome is Outcome.ARRIVED and self._loop.t > terms.deadline + TIME_TOLERANCE:

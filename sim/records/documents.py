@@ -65,6 +65,7 @@ class ArrayIndexDocument:
     """Content of log.json."""
 
     states: dict[str, tuple[str, ...]]  # (nx,) names with units, by vehicle
+    activations: dict[str, tuple[str, ...]] = field(default_factory=dict)  # (na,) of vehicles that have any
     arrays: dict[str, ArrayDocument] = field(default_factory=dict)
 
 

@@ -4,6 +4,7 @@
 |---|---|
 | ``t`` | (n,) [s], increasing |
 | ``truth.x``, ``command.u``, ``measurement.NAME`` | (n, any) |
+| ``truth.activation`` | (n, any), where actuators have states of their own |
 | ``cramer_rao.deviation`` | (n, any) |
 | ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...) |
 | ``plan.offsets`` | (p + 1,) from 0 to b: index of the breakpoint at which each plan begins |
@@ -24,6 +25,7 @@ from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array
 
 TIME, TRUTH, COMMAND = "t", "truth.x", "command.u"
+ACTIVATION = "truth.activation"
 CRAMER_RAO = "cramer_rao.deviation"
 SAMPLED, ESTIMATED, PLANNED = "measurement.", "estimate.", "plan."
 _PLANS = {"t": 1, "x": 2, "u": 2, "phase": 1}  # dimensions of the arrays that have a row for each breakpoint
@@ -48,7 +50,9 @@ def check_arrays(arrays: Mapping[str, Array], path: Path, prefix: str = "") -> N
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise RunFolderError(f"{str(path)!r}: t is not finite and increasing")
     for name, rows in arrays.items():
-        if (name.startswith(SAMPLED) or name == CRAMER_RAO) and not (rows.ndim == 2 and len(rows) == len(t)):
+        if (name.startswith(SAMPLED) or name in (ACTIVATION, CRAMER_RAO)) and not (
+            rows.ndim == 2 and len(rows) == len(t)
+        ):
             raise _wrong(path, prefix, name, rows, f"({len(t)}, any)")
     _check_estimates(arrays, path, prefix)
     _check_plans(arrays, path, prefix)

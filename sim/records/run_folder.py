@@ -6,7 +6,7 @@
 | ``summary.json`` | figures of merit by name, with units |
 | ``events.jsonl`` | one event on each line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
-| ``log.json`` | shape and type of each array; names and units of each vehicle's states |
+| ``log.json`` | shape and type of each array; names and units of each vehicle's states, and of its activations |
 | ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), for a run whose scenario names no drawing |
 | ``timing.json`` | wall-clock times of the components' answers (``mathnavi.sim.records.timing``) |
 | ``delays.json`` | simulated times that plans took, for a run in which they took any |
@@ -93,7 +93,10 @@ def write_run_files(
     if LATENCY in config:
         write_json(folder / DELAYS, {"delays_s": {name: agent.delays for name, agent in recording.agents.items()}})
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
-    write_json(folder / ARRAY_INDEX, {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
+    named = {"states": recording.state_names, "time": "t [s]"}
+    if recording.activation_names:
+        named["activations"] = recording.activation_names
+    write_json(folder / ARRAY_INDEX, {"arrays": shapes, **named})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
     write_text(folder / EVENTS, "".join(json.dumps(jsonable(event)) + "\n" for event in events))
     made_by = {"versions": {"mathnavi": version("mathnavi"), **versions()}, "machine": machine()}
@@ -200,10 +203,19 @@ def read_fleet(directory: str | Path) -> FleetLog:
 
 def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
     """Read the names of the states with their units, (nx,) by vehicle; errors as of ``read_log``."""
+    return _read_index(directory).states
+
+
+def read_activation_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
+    """Read the names of the activations with their units, (na,) by vehicle that has any; errors as of ``read_log``."""
+    return _read_index(directory).activations
+
+
+def _read_index(directory: str | Path) -> ArrayIndexDocument:
     path = Path(directory) / ARRAY_INDEX
     _require(path)
     index: ArrayIndexDocument = files.read_json(path, ArrayIndexDocument, RunFolderError)
-    return index.states
+    return index
 
 
 def existing_folder(directory: str | Path) -> Path:

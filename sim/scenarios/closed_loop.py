@@ -13,7 +13,7 @@ from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.reading.files import MOST_LINES, read_bytes
-from mathnavi.interfaces.signals import Array, Event
+from mathnavi.interfaces.signals import DIVERGED, Array, Event
 from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.answer_times import COMPONENTS, Latency
@@ -24,7 +24,7 @@ from mathnavi.sim.engine.network import Network
 from mathnavi.sim.metrics.planning import planner_status
 from mathnavi.sim.metrics.unused_readings import unused_figures
 from mathnavi.sim.records.claimed_folder import claimed
-from mathnavi.sim.records.figure_names import PLANNER_STATUS
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
 from mathnavi.sim.records.timing import LATENCY, PlansTake, Timing
 from mathnavi.sim.scenarios.task import Task
@@ -135,7 +135,8 @@ class ClosedLoop:
 
         ``again`` builds the same closed loop once more. With it, a run in whose first planning periods kernels were
         compiled is a rehearsal: it ends there, and the run is flown from a fresh closed loop. Time spent compiling
-        later is left out of the wall-clock time. Raises as ``simulate`` does.
+        later is left out of the wall-clock time. A run whose simulation diverged has failed, whatever its figures are.
+        Raises as ``simulate`` does.
         """
         rehearsed = REHEARSED * max((agent.planner.period for agent in self.agents.values()), default=0.0)
         rehearsing = again is not None
@@ -157,6 +158,8 @@ class ClosedLoop:
         summary, success = self.summarise(recording, wall_seconds)
         asked = {name: agent.sensors for name, agent in self.agents.items()}
         summary = {**summary, **unused_figures(recording, asked)}
+        if lost := next((event for event in recording.events if event.kind == DIVERGED), None):
+            summary, success = {**summary, SHORTFALL: f"at {lost.t:.6g} s {lost.message}"}, False
         if status := planner_status(recording):
             summary = {**summary, PLANNER_STATUS: status}
         drawn = self.config.get("drawing") is not None or "terrain" in self.config

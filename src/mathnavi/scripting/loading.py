@@ -13,8 +13,8 @@ from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.scripting.run_result import RunResult
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.records.figure_names import SHORTFALL
-from mathnavi.sim.records.log_arrays import CRAMER_RAO
-from mathnavi.sim.records.run_folder import read_arrays, read_record, read_state_names
+from mathnavi.sim.records.log_arrays import ACTIVATION, CRAMER_RAO
+from mathnavi.sim.records.run_folder import read_activation_names, read_arrays, read_record, read_state_names
 from mathnavi.sim.records.timing import read_timing
 
 _TRUTH = "truth.x"
@@ -34,6 +34,7 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
         states = read_state_names(folder)
         recording = _recording(arrays, list(events), states, summary)
         timing = read_timing(Path(folder))
+        recording.activation_names = read_activation_names(folder)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
     success = SHORTFALL not in summary
@@ -46,7 +47,7 @@ def _recording(
     """Return the recording; arrays of a single vehicle have no prefix, those of a fleet their vehicle's name."""
     t = arrays["t"]
     single = _TRUTH in arrays
-    truths, agents, bounds = {}, {}, {}
+    truths, agents, bounds, activations = {}, {}, {}, {}
     for name in states:
         prefix = "" if single else f"{name}."
         own = {key.removeprefix(prefix): rows for key, rows in arrays.items() if key != "t" and key.startswith(prefix)}
@@ -55,7 +56,9 @@ def _recording(
             agents[name] = _agent(name, events, own, int(summary.get("replans", 0)))
         if CRAMER_RAO in own:
             bounds[name] = own[CRAMER_RAO]
-    return Recording(t, truths, agents, events, dict(states), len(t), bounds)
+        if ACTIVATION in own:
+            activations[name] = own[ACTIVATION]
+    return Recording(t, truths, agents, events, dict(states), len(t), bounds, activations)
 
 
 def _agent(name: str, events: list[Event], own: Mapping[str, Array], requests: int) -> AgentRecorder:

@@ -28,6 +28,7 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.unicycle.mission import RangingMission
 
@@ -83,10 +84,11 @@ class MovingHorizonEstimator:
 
     @staticmethod
     def stagewise_model(config: MovingHorizonConfig, mission: HorizonMission) -> CountedModel:
-        """Model with noise of the mission's vehicle."""
+        """Model with noise of the mission's vehicle. Raises FieldError for a mechanism with parts that it lacks."""
         if isinstance(mission, LagrangianMission):
             from mathnavi.estimators.stagewise.lagrangian import NOISE_FLOOR, LagrangianModel
 
+            require_modelled(mission.system, "moving_horizon", MODEL_FREE_ESTIMATORS)
             return LagrangianModel(mission, config.acceleration, NOISE_FLOOR)
         if isinstance(mission, RangingMission):
             from mathnavi.estimators.stagewise.ranging import RangingModel

@@ -6,7 +6,7 @@ under which e'' + k_d e' + k_p e = 0 to first order: without its last term, in w
 neighbouring geodesics would part by the Jacobi equation, e'' + R(e, v_r) v_r = 0, where the curvature is negative. The
 input u is that for which the system's force is this, as near to it as the inputs' ranges allow: force is affine in u,
 and of systems with an input for each dimension invertible. The input of a servo is found from its control law,
-``ActuatedSystem``; one that has no effect is left at 0.
+``ActuatedSystem``; of all that come as near, the one nearest to the default is taken, its constant part.
 
 **Planner and tracker** of a reference motion: plans hold its states, the tracker keeps the estimate on them.
 """
@@ -73,17 +73,17 @@ class IntrinsicTracker:
         self.period = mission.period
         self._gains, self._system = gains, mission.system
         self._inverse = InverseForce(mission.system)
-        self._none = np.zeros(len(mission.system.inputs))
+        self._default = np.array(mission.system.constant, dtype=np.float64)
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        """Input u (nu,) at t [s]: zero while the estimator has no estimate.
+        """Input u (nu,) at t [s]: the constant part of the system's default while the estimator has no estimate.
 
         Raises ArgumentError for an estimate of another shape than the plan's states.
         """
         if estimate.x.shape != plan.x.shape[1:]:
             raise ArgumentError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
         if estimate.status is Status.INITIALISING:
-            return self._none
+            return self._default
         arc = min(max(int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1, 0), len(plan.u) - 1)
         wanted = wanted_force(self._system, self._gains, estimate.x, plan.x[arc], plan.u[arc])
         n = self._system.manifold.size
@@ -110,6 +110,7 @@ class InverseForce:
         manifold, inputs = system.manifold, system.inputs
         n = manifold.dimension
         self._system, self._none, self._probes = system, np.zeros(len(inputs)), _PROBE * np.eye(len(inputs))
+        self._default = np.array(system.constant, dtype=np.float64)
         actuated = system if isinstance(system, ActuatedSystem) else None
         self._affine = None if actuated is None else actuated.affine_inputs()
         coupled = 0 if actuated is None else actuated.coupled
@@ -127,8 +128,8 @@ class InverseForce:
         """u (nu,) with force(x, v, u) = ``wanted``, a tangent vector at x, as nearly as the ranges allow."""
         if self._affine is not None:
             law = self._affine(x, v)
-            missing = self._system.manifold.components(x, wanted) - law.without
-            u = np.linalg.lstsq(law.effect, missing, rcond=_SINGULAR)[0]
+            missing = self._system.manifold.components(x, wanted) - law.without - law.effect @ self._default
+            u = self._default + np.linalg.lstsq(law.effect, missing, rcond=_SINGULAR)[0]
             return np.asarray(np.clip(u, law.least, law.most), dtype=np.float64)
         without, effect = self._effect(x, v)
         u = np.linalg.solve(effect, self._system.manifold.components(x, wanted) - without)

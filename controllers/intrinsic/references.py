@@ -18,6 +18,7 @@ from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import require_modelled
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import MechanismSystem
 
@@ -49,8 +50,9 @@ class AttitudeTracking:
     def build(config: AttitudeTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
         """Return planner and tracker; PluginError for a mission whose configurations are not attitudes.
 
-        The body may have any inertia.
+        The body may have any inertia. Raises FieldError for a system with parts that are not modelled.
         """
+        require_modelled(mission.system, "attitude_tracking", "input_signal")
         manifold = mission.system.manifold
         one_ball = isinstance(manifold, MechanismManifold) and (manifold.size, manifold.dimension) == (4, 3)
         if not (isinstance(manifold, Attitude) or one_ball):
@@ -134,8 +136,10 @@ class JointTracking:
     def build(config: JointTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
         """Return planner and tracker.
 
-        PluginError for a mission of another kind, with ball joints, or with fewer motors than joints.
+        PluginError for a mission of another kind, with ball joints, or with fewer motors than joints; FieldError for a
+        system with parts that are not modelled.
         """
+        require_modelled(mission.system, "joint_tracking", "input_signal")
         manifold = mission.system.manifold
         if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
             raise PluginError(

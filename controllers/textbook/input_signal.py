@@ -1,6 +1,7 @@
 """The plug-in ``input_signal``: u(t) = constant + amplitude sin(frequency t), independent of the estimate.
 
-A plan has the signal's values, each held over one period of the mission, and the states they lead to from the estimate.
+A plan has the signal's values, each held over one period of the mission, and the states they lead to from the estimate;
+none for a system whose motion does not follow from its state and its input alone.
 """
 
 from __future__ import annotations
@@ -111,6 +112,7 @@ class SignalPlanner:
     def __init__(self, signal: Signal, mission: DrivenMission) -> None:
         self.period = _PERIODS * mission.period
         self._signal, self._mission = signal, mission
+        self._is_predicted = not getattr(mission.system, "unmodelled", "")
 
     def plan(self, request: PlanRequest) -> Plan:
         """Plan of the signal's next values, with the states that they lead to from the estimate."""
@@ -122,9 +124,9 @@ class SignalPlanner:
         t: Array = request.t + h * np.arange(lead + 2 * _PERIODS + 1, dtype=np.float64)
         # The signal is held at its value in the middle of a period, which is the nearest to it.
         u = np.array([self._signal(at + 0.5 * h) for at in t[:-1]])
-        x = [np.array(request.estimate.x)]
+        x = [np.array(request.estimate.x) if self._is_predicted else np.empty(0)]
         for held in u:
-            x.append(flow(x[-1], held, h))
+            x.append(flow(x[-1], held, h) if self._is_predicted else x[0])
         phase = np.full(len(u), OPTIMISED, dtype=np.int64)
         solve_ms = 1e3 * (time.thread_time() - began)
         return Plan(t[lead:], np.array(x[lead:]), u[lead:], phase[lead:], solve_ms=solve_ms)

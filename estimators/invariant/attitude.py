@@ -31,6 +31,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled
 
 _N = 3
 _STEP = 1e-6  # [rad, rad/s] of a difference
@@ -43,8 +44,9 @@ class AttitudeIekf(LagrangianEkf):
     def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for a system that is not a single rotating body.
+        Raises FieldError for a system that is not a single rotating body, and for one with parts that are not modelled.
         """
+        require_modelled(mission.system, "attitude_iekf", MODEL_FREE_ESTIMATORS)
         return PositionObserver(_AttitudeFilter(config, mission), mission, config.timeout)
 
     @staticmethod

@@ -30,7 +30,7 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.system import stepped
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled, stepped
 
 _FASTEST = 1e4  # [1/s]
 
@@ -88,9 +88,10 @@ class RiemannianObserver:
     def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for the matched C on a space without constant curvature, and for a tuning where vectors are
-        not stored as their components.
+        Raises FieldError for the matched C on a space without constant curvature, for a tuning where vectors are not
+        stored as their components, and for a system with parts that are not modelled.
         """
+        require_modelled(mission.system, "riemannian_observer", MODEL_FREE_ESTIMATORS)
         judged = config.tuned(mission) or stepped(mission.system) is not None
         safe = SafeAnswer(mission, config.timeout) if judged else None
         return PositionObserver(_Intrinsic(config, mission), mission, config.timeout, safe)

@@ -30,6 +30,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import NOTHING, Array
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled
 
 _STEP = 1e-6  # [rad, m] of the difference that stands for a derivative
 
@@ -51,7 +52,8 @@ class HighGain:
 
     @staticmethod
     def build(config: HighGainConfig, mission: LagrangianMission) -> PositionObserver:
-        """Build the estimator of one run."""
+        """Build the estimator of one run. Raises FieldError for a system with parts that are not modelled."""
+        require_modelled(mission.system, "high_gain", MODEL_FREE_ESTIMATORS)
         return PositionObserver(_HighGain(config, mission), mission, config.timeout)
 
     @staticmethod

@@ -24,6 +24,7 @@ from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled
 
 _STEP = 1e-6  # of an error, in its unit
 
@@ -49,7 +50,8 @@ class LagrangianEkf:
 
     @staticmethod
     def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
-        """Build the estimator of one run."""
+        """Build the estimator of one run. Raises FieldError for a system with parts that are not modelled."""
+        require_modelled(mission.system, "lagrangian_ekf", MODEL_FREE_ESTIMATORS)
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         return PositionObserver(ErrorStateFilter(model, mission, linearised), mission, config.timeout)
 
@@ -105,7 +107,8 @@ class LagrangianUkf:
 
     @staticmethod
     def build(config: LagrangianUkfConfig, mission: LagrangianMission) -> PositionObserver:
-        """Build the estimator of one run."""
+        """Build the estimator of one run. Raises FieldError for a system with parts that are not modelled."""
+        require_modelled(mission.system, "lagrangian_ukf", MODEL_FREE_ESTIMATORS)
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         unscented = Unscented(2 * mission.system.manifold.dimension, config.alpha)
         return PositionObserver(ErrorStateFilter(model, mission, unscented), mission, config.timeout)

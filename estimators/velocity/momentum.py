@@ -32,7 +32,13 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.system import LagrangianSystem, integrate, stepped
+from mathnavi.models.manifold.system import (
+    MODEL_FREE_ESTIMATORS,
+    LagrangianSystem,
+    integrate,
+    require_modelled,
+    stepped,
+)
 
 
 @configuration
@@ -54,8 +60,9 @@ class MomentumObserver:
     def build(config: MomentumObserverConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for a system without a mass matrix.
+        Raises FieldError for a system without a mass matrix, and for one with parts that are not modelled.
         """
+        require_modelled(mission.system, "momentum_observer", MODEL_FREE_ESTIMATORS)
         return PositionObserver(_Momentum(config, mission), mission, config.timeout)
 
     @staticmethod

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
@@ -13,11 +12,11 @@ import numpy as np
 from annotated_types import Interval
 
 from mathnavi.interfaces.angles import Radians
-from mathnavi.interfaces.bounds import FINITE, Condition, Fraction, Positive, configuration
+from mathnavi.interfaces.bounds import FINITE, Fraction, Positive, configuration
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, LagrangianSystem, require_modelled
 
 POSITION = "position"  # the name of their readings
 EncoderBits = Annotated[int, Interval(ge=0, le=32), FINITE]
@@ -78,26 +77,17 @@ class StateSensor:
         return motion.x
 
 
-def _divides_a_second(period: float) -> bool:
-    return math.isclose(1.0 / period, round(1.0 / period), rel_tol=1e-6)
-
-
-Period = Annotated[Positive, Condition(_divides_a_second, "1 s over a whole number")]
-
-
 @configuration(eq=False)
 class LagrangianMission:
     """Mission: find the velocity of a system from its position and its input. It holds no truth of a run.
 
     ``system`` is the assumed system. The state is (x, v), as ``system.states`` names it; at the start v is assumed to
     be zero, and x is the first reading.
-
-    Raises MissionError for a period that is not 1 s over a whole number.
     """
 
     system: LagrangianSystem
     reading: PositionQuality = field(default_factory=PositionQuality)
-    period: Period = 1e-3  # [s] of readings, estimates and commands
+    period: Positive = 1e-3  # [s] of readings, estimates and commands
     speed_max: Positive = 10.0  # sup |v|_g (Theorem D.2)
 
     @property
@@ -128,7 +118,13 @@ class LagrangianMission:
         return self.system.flow(x, u, dt)
 
     def full_state_sensor(self, rate: float | None) -> StateSensor:
-        """Sensor "full_state" at ``rate`` [Hz]; once a period if it is None."""
+        """Sensor "full_state" at ``rate`` [Hz]; once a period if it is None.
+
+        Raises FieldError for a lower rate where the system has parts that are not modelled: between two readings the
+        state is predicted.
+        """
+        if rate is not None and rate < 1.0 / self.period:
+            require_modelled(self.system, f"full_state at {rate:g} Hz", MODEL_FREE_ESTIMATORS)
         return StateSensor(len(self.system.states), rate or 1.0 / self.period)
 
     def full_state_covariance(self, age: float) -> Array:

@@ -13,6 +13,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import Manifold
 
@@ -108,6 +109,31 @@ class ActuatedSystem(LagrangianSystem, Protocol):
     def affine_inputs(self) -> AffineInputLaw | None:
         """Affine inputs; None where a probe of the force is sufficient."""
         ...
+
+
+@runtime_checkable
+class PartlyModelledSystem(LagrangianSystem, Protocol):
+    """A system that says which of its parts ``force`` and ``flow`` lack, for (x, v) does not determine their state."""
+
+    @property
+    def unmodelled(self) -> str:
+        """These parts, in words; "" if there are none."""
+        ...
+
+
+def unmodelled(system: LagrangianSystem) -> str:
+    """Return the parts of a system that its force and its flow lack, in words; "" if there are none."""
+    return system.unmodelled if isinstance(system, PartlyModelledSystem) else ""
+
+
+def require_modelled(system: LagrangianSystem, user: str, instead: str) -> None:
+    """Raise FieldError if a system has parts that ``user`` does not model; ``instead`` says what may be used."""
+    if parts := unmodelled(system):
+        raise FieldError(f"system = one with {parts}; {user} does not model them; allowed: {instead}")
+
+
+MODEL_FREE_ESTIMATORS = "filtered_differences, or full_state at the rate of the estimates"
+"""estimators of a system whose parts are not all modelled"""
 
 
 def stepped(system: LagrangianSystem) -> SteppedSystem | None:

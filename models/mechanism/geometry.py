@@ -28,6 +28,7 @@ from mathnavi.interfaces.joint_states import BALL, FREE, HINGE, SLIDE, quaternio
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism import kernels
 
+_SHORTEST = 1e-6  # [s] timestep
 _SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal scaled to 1
 
 
@@ -178,10 +179,12 @@ class MechanismManifold:
 def checked(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a copy of a model of slides, hinges, balls and free joints.
 
-    Raises ArgumentError, which names all that is not allowed: no joints, armature that depends on the configuration (of
-    tendons, or of actuators that move anything but a slide or a hinge), or a mass matrix that is not positive definite
-    at qpos0. Equality constraints are forces, not part of the metric.
+    Raises ArgumentError for a timestep below 1e-6 s, and otherwise names all that is not allowed: no joints, armature
+    that depends on the configuration (of tendons, or of actuators that move anything but a slide or a hinge), or a mass
+    matrix that is not positive definite at qpos0. Equality constraints are forces, not part of the metric.
     """
+    if not model.opt.timestep >= _SHORTEST:
+        raise ArgumentError(f"timestep of the model = {model.opt.timestep:g} s; allowed: at least {_SHORTEST:g} s")
     single = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     geared = [
         i

@@ -31,12 +31,19 @@ from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.joint_states import HINGE, SLIDE, state_names
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.system import AffineInputLaw, AffineInputs, integrate
+from mathnavi.models.manifold.system import (
+    MODEL_FREE_ESTIMATORS,
+    AffineInputLaw,
+    AffineInputs,
+    integrate,
+    require_modelled,
+)
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.geometry import MechanismManifold, mass_matrix
 
 _STIFF = 0.05
+_NAMED = 4  # actuators in a message
 _FASTEST = 1e9  # [rad/s, m/s] beyond which there is no step: MuJoCo's own limit is 1e10
 
 
@@ -128,33 +135,31 @@ _JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 class MechanismSystem:
     """A ``LagrangianSystem`` of a model whose joints each move mass, with the state (qpos, qvel) and the input ctrl.
 
-    Actuators are MuJoCo's, of any kind without an internal state, and act within their ranges of control and force;
-    springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. ``force`` leaves out
+    Actuators are MuJoCo's and act within their ranges of control and force; springs, dampers, tendons, gravity
+    compensation and the drag of a medium are MuJoCo's too. Of actuators with states of their own or a delay, as muscles
+    and filters are, nothing but the names is known here (``unmodelled``), and there is no force. ``force`` leaves out
     MuJoCo's constraints: contacts, limits of joints and tendons, friction loss and equalities. Where the model
     has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's
     implicit step, with the forces of the constraints.
 
-    Raises ValueError for what ``geometry.checked`` refuses, for actuators with a state, a delay or a plug-in, for
-    flexible parts, and for a ``constant`` or ``amplitude`` that is not one finite number for each input; zero if not
-    given.
+    Raises ValueError for what ``geometry.checked`` refuses, for plug-ins, for flexible parts, and for a ``constant`` or
+    ``amplitude`` that is not one finite number for each input. If not given, ``constant`` is the control of the model's
+    first keyframe, without one zero, and ``amplitude`` is zero.
     """
 
     def __init__(self, model: mujoco.MjModel, constant: Sequence[float] = (), amplitude: Sequence[float] = ()) -> None:
         self.manifold = MechanismManifold(model)
-        wrong = {
-            "actuators with a state": model.na > 0,
-            "actuators with a delay": bool(np.any(model.actuator_delay)),
-            "plug-ins": model.nplugin > 0,
-            "flexible parts": model.nflex > 0,
-        }
+        wrong = {"plug-ins": model.nplugin > 0, "flexible parts": model.nflex > 0}
         if found := [what for what, is_so in wrong.items() if is_so]:
-            raise ArgumentError(f"model = one with {', '.join(found)}; allowed: actuators without internal dynamics")
+            raise ArgumentError(f"model = one with {', '.join(found)}; allowed: rigid bodies and MuJoCo's own elements")
+        self.unmodelled = _actuators_with_states(model)
         self._model = copy.copy(model)
         self._data = mujoco.MjData(self._model)
         self._at = forces.actuated(self._model, self._data)
         self.states = state_names(model, range(model.njnt))
         self.inputs = tuple(_input_name(model, i) for i in range(model.nu))
-        self.constant, self.amplitude = self._given("constant", constant), self._given("amplitude", amplitude)
+        given = constant if len(constant) or not model.nkey else model.key_ctrl[0].tolist()
+        self.constant, self.amplitude = self._given("constant", given), self._given("amplitude", amplitude)
         self.velocity_dependent = _depends_on_velocity(model)
         self.implicit = needs_implicit_step(model)
         self._step = ImplicitStep(model)
@@ -166,12 +171,17 @@ class MechanismSystem:
         return type(self), (self._model, self.constant, self.amplitude)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
-        """Acceleration D_t v (nv,) [m/s^2, rad/s^2] at x (nq,), v (nv,) under the controls u (nu,)."""
+        """Acceleration D_t v (nv,) [m/s^2, rad/s^2] at x (nq,), v (nv,) under the controls u (nu,).
+
+        Raises FieldError, as ``flow`` and ``step`` do, for a system that is not modelled whole.
+        """
+        self._require_modelled()
         F: Array = forces.acceleration(self._at, x, v, u)
         return F
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
         """State (nq + nv,) after h [s] from ``state`` with the controls u (nu,) held."""
+        self._require_modelled()
         if not self.implicit:
             return integrate(self, state, u, h)
         n = self.manifold.size
@@ -182,7 +192,12 @@ class MechanismSystem:
 
         Raises FloatingPointError for a state that is not finite or faster than any mechanism.
         """
+        self._require_modelled()
         return self._step(x, v, u, h, delta)
+
+    def _require_modelled(self) -> None:
+        if self.unmodelled:
+            require_modelled(self, "the model of a mechanism", MODEL_FREE_ESTIMATORS)
 
     @property
     def joint_ranges(self) -> Array:
@@ -217,11 +232,21 @@ def heavier(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
     """Copy a model, the mass and inertia of the body on its last joint times ``factor`` > 0: a load, or an error."""
     check(factor, "factor", 0.0, open_low=True)
     other = copy.copy(model)
+    if factor == 1.0:  # what follows from the masses is computed anew below, and not all of it has to be: meaninertia
+        return other
     link = int(model.jnt_bodyid[-1])
     other.body_mass[link] *= factor
     other.body_inertia[link] *= factor
     mujoco.mj_setConst(other, mujoco.MjData(other))
     return other
+
+
+def _actuators_with_states(model: mujoco.MjModel) -> str:
+    """Actuators whose force does not follow from position, velocity and control, in words; "" if there are none."""
+    found = np.flatnonzero((model.actuator_actnum > 0) | (model.actuator_delay > 0.0)).tolist()
+    names = [model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i) for i in found[:_NAMED]]
+    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    return f"actuators that have a state or a delay, {', '.join(names)}{more}" if found else ""
 
 
 def _input_name(model: mujoco.MjModel, i: int) -> str:

@@ -119,6 +119,7 @@ class Agent:
     coordinator: Coordinator | None = None  # of a vehicle among others
     stored: Plan | None = None  # flown from the start; without one the first plan, as soon as it is available
     sensors: Sequence[str] = ()  # names of those that the estimator requires
+    command: Array | None = None  # (nu,) until the tracker's first; zero if not given
 
 
 @dataclass

@@ -99,7 +99,7 @@ class Loop:
                 *rates[name],
                 carrier,
                 self.recording.agents[name],
-                np.zeros(agent.input_size),
+                np.zeros(agent.input_size) if agent.command is None else agent.command,
                 latency,
                 undelivered=sorted(agent.messages, key=lambda message: message.t),
             )

@@ -19,6 +19,7 @@ from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import unmodelled
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import decay_rate
@@ -42,6 +43,8 @@ def lagrangian_bound(recording: Recording, name: str, truth: LagrangianMission) 
         return PosteriorBound.none("the estimator does not read the position", n)
     if not np.isfinite(x).all():
         return PosteriorBound.none("the true state is not finite", n)
+    if parts := unmodelled(truth.system):
+        return PosteriorBound.none(f"the motion depends on {parts}", n)
     manifold, noise = truth.system.manifold, truth.reading.noise
     rounding = float(rounding_steps(truth, x[0, : manifold.size]).max())
     if not noise > 0.0:

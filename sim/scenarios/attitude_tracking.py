@@ -34,6 +34,7 @@ from mathnavi.sim.scenarios.lagrangian import (
     LagrangianFields,
     checked_speed,
     observed_loop,
+    period_of,
     recorded_as,
     velocity_errors,
 )
@@ -156,4 +157,4 @@ def _mission(config: AttitudeTrackingFields) -> LagrangianMission:
     system: LagrangianSystem = RigidBody(config.inertia)
     if config.principal_inertia:
         system = MechanismSystem(rigid_body(VEHICLE, config.moments))
-    return LagrangianMission(system, config.reading, config.period, config.speed_max)
+    return LagrangianMission(system, config.reading, period_of(config), config.speed_max)

@@ -5,10 +5,11 @@ position -> estimator -> controller -> forces
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Le
@@ -33,7 +34,7 @@ from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, StageCost, Task, squared_error
 
 TICK = 1e-3
-"""physics tick of the plants [s]"""
+"""physics tick [s] of the plants that have no file, which would state its own"""
 _LONGEST = 600.0  # [s]
 _FASTEST = 1e4  # [rad/s, m/s, 1/s] that a start may be given with
 
@@ -44,6 +45,8 @@ Figures = Callable[[Recording, str, Manifold, float], dict[str, Any]]
 @configuration
 class LagrangianFields:
     """Fields that all of these scenarios have."""
+
+    tick: ClassVar[float | None] = TICK  # [s] of which the duration is a whole number; None for any duration
 
     reading: PositionQuality = field(default_factory=PositionQuality)
     """errors of the position readings"""
@@ -60,14 +63,14 @@ class LagrangianFields:
 
     def __post_init__(self) -> None:
         check(self.duration, "duration", 2.0 / self.rate, _LONGEST)
-        if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:
-            raise FieldError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
+        if self.tick is not None and abs(self.duration / self.tick - round(self.duration / self.tick)) > 1e-6:
+            raise FieldError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {self.tick:g} s")
         check(self.settled, "settled", 0.0, self.duration)
 
-    @property
-    def period(self) -> float:
-        """Time [s] between readings."""
-        return round(1.0 / (self.rate * TICK)) * TICK
+
+def period_of(fields: LagrangianFields) -> float:
+    """Time [s] between readings at ticks of ``TICK``."""
+    return round(1.0 / (fields.rate * TICK)) * TICK
 
 
 @dataclass(frozen=True)
@@ -96,10 +99,12 @@ class LagrangianCase:
 def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
     """Closed loop of one seed."""
     inputs = case.inputs or Inputs.within(tuple(case.mission.system.inputs))
+    default = np.array(case.mission.system.constant, dtype=np.float64)
+    ticks = math.ceil(parts.config.duration / case.plant.dt - 1e-6)
     return parts.closed_loop(
         parts.disturbed(case.plant, case.stack.planner.period, mass=1.0),
-        {case.vehicle: case.stack.agent(len(case.mission.system.inputs))},
-        parts.config.duration,
+        {case.vehicle: case.stack.agent(len(default), command=default)},
+        ticks * case.plant.dt,
         partial(finished, case),
         partial(summarise, case, parts.config, parts.seed),
         mission=case.record,
@@ -128,7 +133,7 @@ def summarise(
     bound = lagrangian_bound(recording, vehicle, case.truth)
     recording.cramer_rao[vehicle] = bound.deviation
     figures |= _efficiency(bound, errors, recording.t, fields.settled)
-    figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
+    figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * case.plant.dt)
     agent = recording.agents[vehicle]
     figures |= {"replans": agent.requests, "plans_adopted": len(agent.plans)}
     whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)

@@ -36,6 +36,7 @@ from mathnavi.sim.scenarios.lagrangian import (
     checked_speed,
     given_start,
     observed_loop,
+    period_of,
     recorded_as,
     velocity_errors,
 )
@@ -124,7 +125,7 @@ def config_mission(config: SphereObserverConfig) -> LagrangianMission:
         potentials = {"none": linear(0.0, 0), "linear": linear(config.strength, 0), "printed": printed}
         usual = "linear" if config.space == "hyperbolic-plane" else "none"
         system = PointSystem(space, potentials[usual if config.force == "by-space" else config.force])
-    return LagrangianMission(system, config.reading, config.period, config.speed_max)
+    return LagrangianMission(system, config.reading, period_of(config), config.speed_max)
 
 
 def _start(config: SphereObserverConfig, mission: LagrangianMission, rng: np.random.Generator) -> Array:

@@ -88,7 +88,7 @@ class MovingHorizonEstimator:
         if isinstance(mission, LagrangianMission):
             from mathnavi.estimators.stagewise.lagrangian import NOISE_FLOOR, LagrangianModel
 
-            require_modelled(mission.system, "moving_horizon", MODEL_FREE_ESTIMATORS)
+            require_modelled(mission.system, "estimator = moving_horizon", MODEL_FREE_ESTIMATORS)
             return LagrangianModel(mission, config.acceleration, NOISE_FLOOR)
         if isinstance(mission, RangingMission):
             from mathnavi.estimators.stagewise.ranging import RangingModel

@@ -52,7 +52,7 @@ class AttitudeTracking:
 
         The body may have any inertia. Raises FieldError for a system with parts that are not modelled.
         """
-        require_modelled(mission.system, "attitude_tracking", "input_signal")
+        require_modelled(mission.system, "controller = attitude_tracking", "input_signal")
         manifold = mission.system.manifold
         one_ball = isinstance(manifold, MechanismManifold) and (manifold.size, manifold.dimension) == (4, 3)
         if not (isinstance(manifold, Attitude) or one_ball):
@@ -139,7 +139,7 @@ class JointTracking:
         PluginError for a mission of another kind, with ball joints, or with fewer motors than joints; FieldError for a
         system with parts that are not modelled.
         """
-        require_modelled(mission.system, "joint_tracking", "input_signal")
+        require_modelled(mission.system, "controller = joint_tracking", "input_signal")
         manifold = mission.system.manifold
         if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
             raise PluginError(

@@ -46,7 +46,7 @@ class AttitudeIekf(LagrangianEkf):
 
         Raises FieldError for a system that is not a single rotating body, and for one with parts that are not modelled.
         """
-        require_modelled(mission.system, "attitude_iekf", MODEL_FREE_ESTIMATORS)
+        require_modelled(mission.system, "estimator = attitude_iekf", MODEL_FREE_ESTIMATORS)
         return PositionObserver(_AttitudeFilter(config, mission), mission, config.timeout)
 
     @staticmethod

@@ -91,7 +91,7 @@ class RiemannianObserver:
         Raises FieldError for the matched C on a space without constant curvature, for a tuning where vectors are not
         stored as their components, and for a system with parts that are not modelled.
         """
-        require_modelled(mission.system, "riemannian_observer", MODEL_FREE_ESTIMATORS)
+        require_modelled(mission.system, "estimator = riemannian_observer", MODEL_FREE_ESTIMATORS)
         judged = config.tuned(mission) or stepped(mission.system) is not None
         safe = SafeAnswer(mission, config.timeout) if judged else None
         return PositionObserver(_Intrinsic(config, mission), mission, config.timeout, safe)

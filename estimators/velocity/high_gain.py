@@ -53,7 +53,7 @@ class HighGain:
     @staticmethod
     def build(config: HighGainConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run. Raises FieldError for a system with parts that are not modelled."""
-        require_modelled(mission.system, "high_gain", MODEL_FREE_ESTIMATORS)
+        require_modelled(mission.system, "estimator = high_gain", MODEL_FREE_ESTIMATORS)
         return PositionObserver(_HighGain(config, mission), mission, config.timeout)
 
     @staticmethod

@@ -51,7 +51,7 @@ class LagrangianEkf:
     @staticmethod
     def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run. Raises FieldError for a system with parts that are not modelled."""
-        require_modelled(mission.system, "lagrangian_ekf", MODEL_FREE_ESTIMATORS)
+        require_modelled(mission.system, "estimator = lagrangian_ekf", MODEL_FREE_ESTIMATORS)
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         return PositionObserver(ErrorStateFilter(model, mission, linearised), mission, config.timeout)
 
@@ -108,7 +108,7 @@ class LagrangianUkf:
     @staticmethod
     def build(config: LagrangianUkfConfig, mission: LagrangianMission) -> PositionObserver:
         """Build the estimator of one run. Raises FieldError for a system with parts that are not modelled."""
-        require_modelled(mission.system, "lagrangian_ukf", MODEL_FREE_ESTIMATORS)
+        require_modelled(mission.system, "estimator = lagrangian_ukf", MODEL_FREE_ESTIMATORS)
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         unscented = Unscented(2 * mission.system.manifold.dimension, config.alpha)
         return PositionObserver(ErrorStateFilter(model, mission, unscented), mission, config.timeout)

@@ -62,7 +62,7 @@ class MomentumObserver:
 
         Raises FieldError for a system without a mass matrix, and for one with parts that are not modelled.
         """
-        require_modelled(mission.system, "momentum_observer", MODEL_FREE_ESTIMATORS)
+        require_modelled(mission.system, "estimator = momentum_observer", MODEL_FREE_ESTIMATORS)
         return PositionObserver(_Momentum(config, mission), mission, config.timeout)
 
     @staticmethod

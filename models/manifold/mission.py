@@ -124,7 +124,7 @@ class LagrangianMission:
         state is predicted.
         """
         if rate is not None and rate < 1.0 / self.period:
-            require_modelled(self.system, f"full_state at {rate:g} Hz", MODEL_FREE_ESTIMATORS)
+            require_modelled(self.system, f"estimator = full_state at {rate:g} Hz", MODEL_FREE_ESTIMATORS)
         return StateSensor(len(self.system.states), rate or 1.0 / self.period)
 
     def full_state_covariance(self, age: float) -> Array:

@@ -127,9 +127,9 @@ def unmodelled(system: LagrangianSystem) -> str:
 
 
 def require_modelled(system: LagrangianSystem, user: str, instead: str) -> None:
-    """Raise FieldError if a system has parts that ``user`` does not model; ``instead`` says what may be used."""
+    """Raise FieldError if a system has parts that ``user``, "estimator = NAME", lacks; ``instead`` may be used."""
     if parts := unmodelled(system):
-        raise FieldError(f"system = one with {parts}; {user} does not model them; allowed: {instead}")
+        raise FieldError(f"{user} with {parts}, which it does not model; allowed: {instead}")
 
 
 MODEL_FREE_ESTIMATORS = "filtered_differences, or full_state at the rate of the estimates"

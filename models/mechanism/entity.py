@@ -48,7 +48,6 @@ import numpy as np
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.input_files import MOST, InputFile, digest_of
-from mathnavi.interfaces.joint_states import FREE
 from mathnavi.interfaces.reading.files import read_bytes
 from mathnavi.interfaces.reading.mechanisms import read_spec
 from mathnavi.models.mechanism.geometry import checked
@@ -141,6 +140,7 @@ _SIZES = (
     *("nuser_cam", "nuser_tendon", "nuser_actuator", "nuser_sensor"),
 )
 """sizes that a file states, which an arena does not take from what is attached to it"""
+_MADE_IN_PYTHON = ("lqr",)  # of the suite: the file alone has no joints
 _BELOW = 0.1  # of its extent: a mechanism that reaches lower than this below zero has the floor this far beneath it
 
 
@@ -154,11 +154,12 @@ def file_of(mechanism: MechanismName | str | Path) -> Path:
     names = (*get_args(MechanismName), *get_args(ServoArmName), *get_args(FloatingName))
     own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in names}
     suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
+    listed = sorted(file.stem for file in suite.values() if file.stem not in _MADE_IN_PYTHON)
     path = (own | suite).get(str(mechanism), Path(mechanism))
     if not path.is_file():
         raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, {_SUITE}NAME of its suite "
-            f"({', '.join(sorted(file.stem for file in suite.values()))}), {PREFIX}NAME of MuJoCo Menagerie, or the "
+            f"({', '.join(listed)}), {PREFIX}NAME of MuJoCo Menagerie, or the "
             "path of an MJCF file"
         )
     return path
@@ -194,8 +195,8 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # deprecated elements of a file concern its author
             own = read_spec(path, FieldError)
-            for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
-                _name(kind, elements)
+            for kind in ("body", "joint", "actuator", "key"):
+                _name(kind, getattr(own, {"body": "bodies"}.get(kind, f"{kind}s")))
             alone = own.copy().compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
@@ -225,11 +226,8 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         arena.delete(arena.geom("floor"))
     else:
         arena.geom("floor").pos = (0.0, 0.0, _floor(alone))
-    frame = arena.worldbody.add_frame()
-    if (alone.jnt_type == FREE).any() or alone.nmocap:  # they are allowed on top of the world only
-        arena.attach(own, prefix=f"{name}/", frame=frame)
-    else:
-        frame.attach_body(own.worldbody, f"{name}/", "")
+    # Straight onto the world, for what is computed about the centre of mass of a tree has other digits in another tree.
+    arena.attach(own, prefix=f"{name}/", frame=arena.worldbody.add_frame())
     return arena
 
 

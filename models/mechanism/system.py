@@ -197,7 +197,7 @@ class MechanismSystem:
 
     def _require_modelled(self) -> None:
         if self.unmodelled:
-            require_modelled(self, "the model of a mechanism", MODEL_FREE_ESTIMATORS)
+            require_modelled(self, "model of a mechanism", MODEL_FREE_ESTIMATORS)
 
     @property
     def joint_ranges(self) -> Array:
@@ -246,7 +246,7 @@ def _actuators_with_states(model: mujoco.MjModel) -> str:
     found = np.flatnonzero((model.actuator_actnum > 0) | (model.actuator_delay > 0.0)).tolist()
     names = [model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i) for i in found[:_NAMED]]
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
-    return f"actuators that have a state or a delay, {', '.join(names)}{more}" if found else ""
+    return f"states or delays of the actuators {', '.join(names)}{more}" if found else ""
 
 
 def _input_name(model: mujoco.MjModel, i: int) -> str:

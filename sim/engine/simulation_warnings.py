@@ -15,12 +15,11 @@ import numpy as np
 
 from mathnavi.interfaces.signals import DIVERGED, Event
 
-_BAD_POSITION, _BAD_VELOCITY = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQVEL)
-_LOST = {
-    _BAD_POSITION: "position",
-    _BAD_VELOCITY: "velocity",
-    int(mujoco.mjtWarning.mjWARN_BADQACC): "acceleration",
-}
+_BAD_POSITION, _BAD_VELOCITY, _BAD_ACCELERATION = (
+    int(kind)
+    for kind in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+)
+_LOST = {_BAD_POSITION: "position", _BAD_VELOCITY: "velocity", _BAD_ACCELERATION: "acceleration"}
 """quantity of a joint that ends the simulation, by warning"""
 
 
@@ -31,6 +30,7 @@ class SimulationWarnings:
         self._model, self._vehicles = model, vehicles
         # views that follow the simulation
         self._counts, self._indices, self._v = data.warning.number, data.warning.lastinfo, data.qvel
+        self._values = {_BAD_POSITION: data.qpos, _BAD_VELOCITY: data.qvel, _BAD_ACCELERATION: data.qacc}
         self._reported: set[int] = set()
         self.lost = False
         """whether the simulation has diverged"""
@@ -65,6 +65,9 @@ class SimulationWarnings:
         return Event(t, agent, "physics-warning", mujoco.mju_warningText(kind, index))
 
     def _divergence(self, t: float, kind: int, index: int) -> Event:
+        values = np.abs(self._values[kind])
+        if np.isfinite(values).all():  # MuJoCo names the first beyond its limit: another one may have pulled it
+            index = int(values.argmax())
         if kind == _BAD_POSITION:
             joint = int(np.searchsorted(self._model.jnt_qposadr, index, side="right")) - 1
         else:

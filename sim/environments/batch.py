@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
@@ -57,7 +58,8 @@ class Rollouts:
     def states(self, starts: Any, commands: Any) -> Array:
         """Return the states (N, K + 1, nx) from N starts (N, nx), and after each of K commands (N, K, nu).
 
-        Of a fleet of n, (N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu). Actuators start at rest, as in a flight.
+        Of a fleet of n, (N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu). Activations and mocap bodies
+        start as in a run.
         Raises ArgumentError for other shapes, for values that are not finite, and for a quaternion not of length 1.
         """
         x, u = np.array(starts, dtype=np.float64), np.array(commands, dtype=np.float64)
@@ -79,6 +81,8 @@ class Rollouts:
     def _rolled_out(self, x: Array, u: Array) -> Array:
         """Return the states (N, K + 1, n, nx) from starts (N, n, nx) and commands (N, K, n, nu)."""
         batch = Batch(self._plant.model, len(x), self._threads)
+        if self._plant.model.nkey:  # activations and mocap bodies as in a run
+            batch.reset(keyframe=0, stage=int(mujoco.mjtStage.mjSTAGE_NONE))
         qpos, qvel, ctrl = (batch.bind(field) for field in ("qpos", "qvel", "ctrl"))  # views of what is stepped
         for row, states in enumerate(x):
             for name, state in zip(self._names, states, strict=True):

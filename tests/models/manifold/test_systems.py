@@ -143,7 +143,7 @@ def test_qualities_that_are_none_are_refused(fields: dict[str, float], named: st
         PositionQuality(**fields)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("period", [0.0, -1e-3, math.nan, 0.3])
+@pytest.mark.parametrize("period", [0.0, -1e-3, math.nan, math.inf])
 def test_periods_that_no_sensor_has_are_refused(period: float) -> None:
     with pytest.raises(ValueError, match=r"period = .*; allowed"):
         LagrangianMission(RigidBody(0.05), period=period)

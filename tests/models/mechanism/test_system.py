@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.models.mechanism.entity import MechanismName, build_model
@@ -129,14 +130,30 @@ def test_a_heavier_last_link_has_its_mass_and_inertia_times_the_factor() -> None
             heavier(model, factor)
 
 
-STATEFUL = '<actuator><general joint="joint_0" dyntype="integrator"/></actuator>'
-LATE = '<actuator><motor joint="joint_0" delay=".01" nsample="20"/></actuator>'
+STATEFUL = '<actuator><general joint="joint_0" dyntype="integrator"/><motor joint="joint_1"/></actuator>'
+LATE = '<actuator><motor name="late" joint="joint_0" delay=".01" nsample="20"/></actuator>'
 
 
-@pytest.mark.parametrize(("extra", "reason"), [(STATEFUL, "actuators with a state"), (LATE, "actuators with a delay")])
-def test_actuators_with_a_memory_are_refused(extra: str, reason: str) -> None:
-    with pytest.raises(ValueError, match=f"model = one with {reason}; allowed"):
-        MechanismSystem(chain("hh", extra))
+@pytest.mark.parametrize(("extra", "names"), [(STATEFUL, "0"), (LATE, "late")])
+def test_actuators_with_a_memory_are_named_and_have_no_force(extra: str, names: str) -> None:
+    system = MechanismSystem(chain("hh", extra))
+    assert system.unmodelled == f"states or delays of the actuators {names}"
+    with pytest.raises(FieldError, match=f"actuators {names}, which it does not model; allowed: filtered_differences"):
+        system.flow(np.zeros(4), np.zeros(len(system.inputs)), 0.01)
+
+
+@pytest.mark.honoured("MJCF", "keyframe ctrl")
+def test_the_control_of_the_first_keyframe_is_the_default_input() -> None:
+    key = '<keyframe><key ctrl="0.2"/><key ctrl="0.7"/></keyframe>'
+    model = chain("h", f'<actuator><motor joint="joint_0"/></actuator>{key}')
+    assert MechanismSystem(model).constant == (0.2,)
+    assert MechanismSystem(model, (0.5,)).constant == (0.5,)
+
+
+@pytest.mark.refused("MJCF", "option timestep of zero")
+def test_a_timestep_that_is_none_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"timestep of the model = -1 s; allowed: at least 1e-06 s"):
+        MechanismSystem(chain("h", option='timestep="-1"'))
 
 
 @pytest.mark.parametrize("amplitude", [(1.0,), (1.0, np.nan), (1.0, 2.0, 3.0)])

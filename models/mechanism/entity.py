@@ -35,7 +35,7 @@ from __future__ import annotations
 import importlib
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from html import unescape
 from itertools import count
 from os.path import normpath, relpath
@@ -140,6 +140,13 @@ _SIZES = (
     *("nuser_cam", "nuser_tendon", "nuser_actuator", "nuser_sensor"),
 )
 """sizes that a file states, which an arena does not take from what is attached to it"""
+_REFERENCES = {
+    **{"bodyname1": None, "bodyname2": None, "name1": "objtype", "name2": "objtype"},
+    **{"objname": "objtype", "refname": "reftype"},
+}
+"""fields of an element that name another one, and the field with its kind; None for a body"""
+_BODIES = (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY)
+_OWN_TO_A_SPEC = ("id", "signature", "compiler", "classname", "info", "plugin")  # fields of an element
 _MADE_IN_PYTHON = ("lqr",)  # of the suite: the file alone has no joints
 _BELOW = 0.1  # of its extent: a mechanism that reaches lower than this below zero has the floor this far beneath it
 
@@ -213,8 +220,11 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     _copy(arena.visual, own.visual)
     for size in _SIZES:
         setattr(arena, size, getattr(own, size))
-    # Of a compiler, these two are those of the arena; the others stay with what is attached.
+    for statistic in ("meaninertia", "meanmass", "meansize"):
+        setattr(arena.stat, statistic, getattr(own.stat, statistic))
+    # Of a compiler, these three are those of the arena; the others stay with what is attached.
     arena.compiler.fitaabb = own.compiler.fitaabb
+    arena.compiler.fusestatic = own.compiler.fusestatic
     _copy(own.compiler.LRopt, arena.compiler.LRopt)
     if own.compiler.settotalmass > 0.0:
         _keep_masses(own, alone)
@@ -226,14 +236,30 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         arena.delete(arena.geom("floor"))
     else:
         arena.geom("floor").pos = (0.0, 0.0, _floor(alone))
+    alike = own.copy()
     # Straight onto the world, for what is computed about the centre of mass of a tree has other digits in another tree.
     arena.attach(own, prefix=f"{name}/", frame=arena.worldbody.add_frame())
+    for kind, add in (
+        ("equalities", arena.add_equality),
+        ("excludes", arena.add_exclude),
+        ("sensors", arena.add_sensor),
+    ):
+        if len(getattr(arena, kind)) < len(getattr(alike, kind)):
+            _add_again(arena, getattr(arena, kind), getattr(alike, kind), add, f"{name}/")
+    for looking in (*arena.lights, *arena.cameras):
+        if looking.targetbody == f"{name}/world":
+            looking.targetbody = "world"
     return arena
 
 
 def build_model(mechanism: MechanismName | str | Path, *, name: str = "mechanism") -> mujoco.MjModel:
-    """Compile the ``mujoco.MjModel`` of ``build_spec``."""
-    return build_spec(mechanism, name=name).compile()
+    """Compile the ``mujoco.MjModel`` of ``build_spec``. Raises FieldError where only the file alone can be compiled."""
+    spec = build_spec(mechanism, name=name)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise FieldError(f"mechanism = {str(mechanism)!r}; allowed: one that an arena can hold ({reason})") from None
 
 
 def _name(kind: str, elements: Sequence[Any]) -> None:
@@ -242,6 +268,27 @@ def _name(kind: str, elements: Sequence[Any]) -> None:
     for k, element in enumerate(elements):
         if not element.name:
             element.name = next(name for name in (f"{kind}_{k}{'_' * n}" for n in count()) if name not in taken)
+
+
+def _add_again(
+    arena: Any, attached: Sequence[Any], elements: Sequence[Any], add: Callable[..., Any], prefix: str
+) -> None:
+    """Add elements of a file in place of those ``attached``, among which those that refer to the world are missing."""
+    for element in list(attached):
+        arena.delete(element)
+    for element in elements:
+        fields: dict[str, Any] = {}
+        for field in dir(element):
+            value = getattr(element, field)
+            if field.startswith("_") or callable(value) or field in _OWN_TO_A_SPEC:
+                continue
+            if field in _REFERENCES and value == "world":
+                kind = _REFERENCES[field]
+                value = value if kind is None or getattr(element, kind) in _BODIES else f"{prefix}{value}"
+            elif (field == "name" or field in _REFERENCES) and value:
+                value = f"{prefix}{value}"
+            fields[field] = list(value) if field == "userdata" else value
+        add(**fields)
 
 
 def _keep_masses(own: Any, alone: mujoco.MjModel) -> None:

@@ -157,7 +157,7 @@ class MechanismSystem:
         self._data = mujoco.MjData(self._model)
         self._at = forces.actuated(self._model, self._data)
         self.states = state_names(model, range(model.njnt))
-        self.inputs = tuple(_input_name(model, i) for i in range(model.nu))
+        self.inputs = tuple(name for i in range(model.nactuator) for name in _input_names(model, i))
         given = constant if len(constant) or not model.nkey else model.key_ctrl[0].tolist()
         self.constant, self.amplitude = self._given("constant", given), self._given("amplitude", amplitude)
         self.velocity_dependent = _depends_on_velocity(model)
@@ -249,15 +249,21 @@ def _actuators_with_states(model: mujoco.MjModel) -> str:
     return f"states or delays of the actuators {', '.join(names)}{more}" if found else ""
 
 
-def _input_name(model: mujoco.MjModel, i: int) -> str:
-    """Name of an input, with the unit of its force or torque for a motor of gain 1 on a joint, else without a unit."""
+def _input_names(model: mujoco.MjModel, i: int) -> list[str]:
+    """Names of the inputs of an actuator, which are numbered if there are several.
+
+    A motor of gain 1 on a joint has the unit of its force or torque, others have none.
+    """
     name = model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i)
+    count = int(model.actuator_ctrlnum[i])
+    if count != 1:
+        return [f"{name}_{k} [-]" for k in range(count)]
     joint = int(model.actuator_trnid[i, 0])
     is_motor = (int(model.actuator_gaintype[i]), int(model.actuator_biastype[i])) == (_FIXED, _UNBIASED)
     strength = float(model.actuator_gainprm[i, 0]) * float(np.linalg.norm(model.actuator_gear[i]))
     if not is_motor or int(model.actuator_trntype[i]) != _JOINT or strength != 1.0:
-        return f"{name} [-]"
-    return f"{name} [{'N' if model.jnt_type[joint] == SLIDE else 'N m'}]"
+        return [f"{name} [-]"]
+    return [f"{name} [{'N' if model.jnt_type[joint] == SLIDE else 'N m'}]"]
 
 
 def _depends_on_velocity(model: mujoco.MjModel) -> bool:
@@ -277,7 +283,7 @@ class Actuation:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         known = np.isin(model.actuator_gaintype, (_FIXED, _AFFINE[0]))
-        known &= np.isin(model.actuator_biastype, (_UNBIASED, _AFFINE[1]))
+        known &= np.isin(model.actuator_biastype, (_UNBIASED, _AFFINE[1])) & (model.actuator_ctrlnum == 1)
         if not known.all():
             names = [model.actuator(int(i)).name or str(i) for i in np.flatnonzero(~known)]
             raise FieldError(f"actuators = {', '.join(names)}; allowed for tracking: fixed or affine laws")

@@ -95,7 +95,7 @@ class _Vehicle:
     ) -> None:
         self.name = name
         joints = [j for j in range(model.njnt) if model.joint(j).name.startswith(f"{name}/")]
-        actuators = [i for i in range(model.nu) if model.actuator(i).name.startswith(f"{name}/")]
+        actuators = [i for i in range(model.nactuator) if model.actuator(i).name.startswith(f"{name}/")]
         if not joints:
             known = sorted({model.joint(j).name.partition("/")[0] for j in range(model.njnt)})
             raise ArgumentError(f"the model has no vehicle {name!r}; it has {known}")
@@ -104,7 +104,8 @@ class _Vehicle:
         q = _slice(joints, int(positions[0]), int(positions[-1]) + SIZES[kinds[-1]][0])
         v = _slice(joints, int(velocities[0]), int(velocities[-1]) + SIZES[kinds[-1]][1])
         self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
-        control = _slice(actuators, actuators[0], actuators[-1] + 1) if actuators else slice(0)
+        first, count = model.actuator_ctrladr[actuators], model.actuator_ctrlnum[actuators]
+        control = _slice(actuators, int(first[0]), int(first[-1] + count[-1])) if actuators else slice(0)
         self.actuators = data.ctrl[control]
         self.drive = setup.drive
         self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
@@ -140,8 +141,9 @@ class _Vehicle:
         x, nq, size = np.asarray(state, dtype=np.float64), len(self.motion.q), len(self.state_names)
         if x.shape != (size,) or not np.isfinite(x).all():
             raise ArgumentError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")
-        q = with_unit_quaternions(x[:nq], self.quaternions, f"vehicle {self.name!r}: {what}")
-        self.motion.q[:], self.motion.v[:] = q, x[nq:]
+        if not np.array_equal(x[:nq], self.motion.q):  # where it is already, it stays to the last digit
+            self.motion.q[:] = with_unit_quaternions(x[:nq], self.quaternions, f"vehicle {self.name!r}: {what}")
+        self.motion.v[:] = x[nq:]
 
 
 class _Vehicles(dict[str, _Vehicle]):
@@ -190,7 +192,9 @@ class MujocoPlant:
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
         self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
         self._expected = _expected_contacts(model, self._each)
-        self._held = not (self._late or self._driven or self._expected is not None)  # nothing acts except held inputs
+        sleeping = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))  # which no state restores
+        # nothing acts except held inputs
+        self._held = not (self._late or self._driven or self._expected is not None or sleeping)
         mujoco.mj_forward(model, self.data)
 
     @property

@@ -170,6 +170,10 @@ FEATURES = {
         "before": '<option><flag gravity="disable" contact="disable"/></option>',
         "after": '<actuator><motor joint="a" gear="9"/></actuator>',
     },
+    "option flag sleep": {
+        "before": '<option><flag sleep="enable"/></option>',
+        "world": '<geom type="plane" size="2 2 .1"/><body pos="1 0 .2"><freejoint/><geom type="box" size=".1 .1 .1"/></body>',
+    },
     "option flag override with o_solref": {
         "before": '<option o_solref="0.1 1" o_margin="0.05"><flag override="enable"/></option>',
         "world": '<geom type="plane" size="2 2 .1" pos="0 0 .2"/>',
@@ -216,7 +220,10 @@ FEATURES = {
         "world": '<geom type="plane" size="2 2 .1" pos="0 0 .3"/>',
         "after": '<actuator><adhesion body="fore" ctrlrange="0 1" gain="5"/><motor joint="a"/></actuator>',
     },
-    "actuator dcmotor": {"after": '<actuator><dcmotor joint="a" motorconst="2" resistance=".5"/></actuator>'},
+    "actuator with several controls": {
+        "after": '<actuator><dcmotor joint="a" motorconst="2" resistance=".5" input="pos vel" controller="9 0 1"/>'
+        '<motor joint="b"/></actuator>'
+    },
     "actuator delay": {"after": '<actuator><motor joint="a" delay=".01" nsample="8"/></actuator>'},
     "actuator user": {"after": '<actuator><general joint="a" dyntype="user" actdim="1" gainprm="9"/></actuator>'},
     "actuator on a site": {"after": '<actuator><motor site="tip" gear="3 0 1 0 0 0"/></actuator>'},

@@ -77,9 +77,9 @@ OF_THE_WHOLE_MODEL = {
     "elements that refer to the world": ("", FREE + LIGHT, TO_THE_WORLD),
     "compiler fusestatic": ('<compiler fusestatic="true"/>', '<body pos="1 0 0"><geom size=".1"/></body>', ""),
     "compiler lengthrange": (
-        '<compiler><lengthrange timestep="0.001" mode="all" maxforce="3"/></compiler>',
-        "",
-        '<actuator><muscle joint="a"/></actuator>',
+        '<compiler><lengthrange uselimit="true"/></compiler>',
+        '<body pos="3 0 1"><joint name="l" range="-60 50" limited="true"/><geom size=".1" pos=".3 0 0"/></body>',
+        '<actuator><muscle joint="l"/></actuator>',
     ),
     "compiler boundmass, boundinertia": ('<compiler boundmass="2" boundinertia="0.5"/>', "", ""),
     "mocap bodies": ("", MOCAP, ""),

@@ -172,7 +172,8 @@ FEATURES = {
     },
     "option flag sleep": {
         "before": '<option><flag sleep="enable"/></option>',
-        "world": '<geom type="plane" size="2 2 .1"/><body pos="1 0 .2"><freejoint/><geom type="box" size=".1 .1 .1"/></body>',
+        "world": '<geom type="plane" size="2 2 .1"/><body pos="1 0 .2"><freejoint/><geom type="box" size=".1 .1 .1"/>'
+        "</body>",
     },
     "option flag override with o_solref": {
         "before": '<option o_solref="0.1 1" o_margin="0.05"><flag override="enable"/></option>',

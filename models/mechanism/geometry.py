@@ -201,7 +201,14 @@ def checked(model: mujoco.MjModel) -> mujoco.MjModel:
         found = ["a mass matrix that is not positive definite at qpos0"]
     if found:
         raise ArgumentError(f"model = one with {', '.join(found)}; allowed: joints, each of which moves mass")
-    return copy.copy(model)
+    return evaluated(model)
+
+
+def evaluated(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Copy of a model to evaluate anywhere: no tree of bodies sleeps in it, as it might where the file allows that."""
+    other = copy.copy(model)
+    other.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+    return other
 
 
 def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> Array:

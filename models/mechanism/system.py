@@ -40,7 +40,7 @@ from mathnavi.models.manifold.system import (
 )
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.floating_base import FloatingBase
-from mathnavi.models.mechanism.geometry import MechanismManifold, mass_matrix
+from mathnavi.models.mechanism.geometry import MechanismManifold, evaluated, mass_matrix
 
 _STIFF = 0.05
 _NAMED = 4  # actuators in a message
@@ -51,7 +51,7 @@ class ImplicitStep:
     """Implicit step of a model; it depends on its arguments only."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self._model = copy.copy(model)
+        self._model = evaluated(model)
         self._mean_velocity = int(model.opt.integrator) == int(mujoco.mjtIntegrator.mjINT_RK4)
         self._longest = float(model.opt.timestep)  # [s]
         self._model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
@@ -153,7 +153,7 @@ class MechanismSystem:
         if found := [what for what, is_so in wrong.items() if is_so]:
             raise ArgumentError(f"model = one with {', '.join(found)}; allowed: rigid bodies and MuJoCo's own elements")
         self.unmodelled = _actuators_with_states(model)
-        self._model = copy.copy(model)
+        self._model = evaluated(model)
         self._data = mujoco.MjData(self._model)
         self._at = forces.actuated(self._model, self._data)
         self.states = state_names(model, range(model.njnt))

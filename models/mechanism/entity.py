@@ -228,7 +228,6 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     _copy(own.compiler.LRopt, arena.compiler.LRopt)
     if own.compiler.settotalmass > 0.0:
         _keep_masses(own, alone)
-    arena.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a state that diverges has to be visible
     arena.stat.center, arena.stat.extent = alone.stat.center, alone.stat.extent
     sun = arena.light("sun")  # its shadows are sharp, and there, around where it hangs
     sun.pos = alone.stat.center - 1.5 * alone.stat.extent * np.array(sun.dir) / np.linalg.norm(sun.dir)

@@ -393,14 +393,15 @@ class MujocoPlant:
                     touching[owner.name][stranger.name] = "vehicle-contact"
                 else:
                     ground = int(self.model.geom_type[other]) in _GROUND
-                    touching[owner.name][self.model.geom(other).name] = "ground-contact" if ground else "contact"
+                    thing = self.model.geom(other).name or f"geom {other}"
+                    touching[owner.name][thing] = "ground-contact" if ground else "contact"
         for vehicle in self._each:
             now = touching[vehicle.name]
             for thing in sorted(now.keys() - vehicle.touched):
                 slides = [i for i, _ in vehicle.slides]  # revolute joints do not contribute to its position
                 where = np.round(vehicle.motion.q[slides], 1).tolist()
                 speed = float(np.linalg.norm(vehicle.motion.v[vehicle.slide_rates]))
-                message = f"touches {thing} at {where} with {speed:.1f} m/s"
+                message = f"touches {thing}{f' at {where} with {speed:.1f} m/s' if slides else ''}"
                 events.append(Event(self.t, vehicle.name, now[thing], message))
                 vehicle.contacts += 1
             vehicle.touched = frozenset(now)

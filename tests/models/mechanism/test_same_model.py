@@ -20,7 +20,6 @@ SIZES = (
     "nexclude", "nmesh", "nhfield",
 )  # fmt: skip
 DRAWN = ("cam_", "light_", "mat_", "tex_", "bvh_", "oct_", "vis")
-ADDED = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # a state that diverges has to be visible
 
 
 def differences(path: Path, rounding: float = 0.0) -> list[str]:
@@ -36,7 +35,6 @@ def differences(path: Path, rounding: float = 0.0) -> list[str]:
         first = 1 if name.startswith("body_") else 0  # the world, which has the floor
         if values.shape != others.shape or not np.allclose(values[first:], others[first:], rounding, 0.0, True):
             found.append(name)
-    own.opt.disableflags |= ADDED
     for name in dir(own.opt):
         value = getattr(own.opt, name)
         if not (name.startswith("_") or callable(value) or np.array_equal(value, getattr(built.opt, name))):

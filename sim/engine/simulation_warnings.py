@@ -19,8 +19,8 @@ _BAD_POSITION, _BAD_VELOCITY, _BAD_ACCELERATION = (
     int(kind)
     for kind in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 )
-_LOST = {_BAD_POSITION: "position", _BAD_VELOCITY: "velocity", _BAD_ACCELERATION: "acceleration"}
-"""quantity of a joint that ends the simulation, by warning"""
+_LOST = {_BAD_POSITION: "a position", _BAD_VELOCITY: "a velocity", _BAD_ACCELERATION: "an acceleration"}
+"""quantity that ends the simulation, by warning"""
 
 
 class SimulationWarnings:
@@ -30,7 +30,7 @@ class SimulationWarnings:
         self._model, self._vehicles = model, vehicles
         # views that follow the simulation
         self._counts, self._indices, self._v = data.warning.number, data.warning.lastinfo, data.qvel
-        self._values = {_BAD_POSITION: data.qpos, _BAD_VELOCITY: data.qvel, _BAD_ACCELERATION: data.qacc}
+        self._forces = data.qfrc_passive, data.qfrc_actuator, data.qfrc_constraint
         self._reported: set[int] = set()
         self.lost = False
         """whether the simulation has diverged"""
@@ -65,15 +65,15 @@ class SimulationWarnings:
         return Event(t, agent, "physics-warning", mujoco.mju_warningText(kind, index))
 
     def _divergence(self, t: float, kind: int, index: int) -> Event:
-        values = np.abs(self._values[kind])
-        if np.isfinite(values).all():  # MuJoCo names the first beyond its limit: another one may have pulled it
-            index = int(values.argmax())
+        force = np.abs(np.sum(self._forces, axis=0))
         if kind == _BAD_POSITION:
             joint = int(np.searchsorted(self._model.jnt_qposadr, index, side="right")) - 1
         else:
-            joint = int(self._model.dof_jntid[index])
+            # MuJoCo names the first joint beyond its limit, which may be one that the force on another pulls along.
+            by_force = kind == _BAD_ACCELERATION and np.isfinite(force).all()
+            joint = int(self._model.dof_jntid[force.argmax() if by_force else index])
         full = self._model.joint(joint).name
         vehicle, _, name = full.partition("/")
         where = name if len(self._vehicles) == 1 else full
-        message = f"the simulation diverged: the {_LOST[kind]} of the joint {where!r} is not finite, or beyond 1e10"
+        message = f"the simulation diverged in the joint {where!r}: {_LOST[kind]} that is not finite, or beyond 1e10"
         return Event(t, vehicle, DIVERGED, message)

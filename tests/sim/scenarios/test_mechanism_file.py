@@ -138,7 +138,7 @@ def test_a_servo_that_is_stable_at_its_own_timestep_only_says_where_and_when_it_
     (event,) = [event for event in outcome.events if event.kind == "diverged"]
     assert event.agent == VEHICLE
     assert outcome.t[-2] < event.t <= outcome.t[-1] < 1.0
-    assert "the simulation diverged: the acceleration of the joint 'a' is not finite" in event.message
+    assert event.message.startswith("the simulation diverged in the joint 'a': an acceleration that is not finite")
     assert outcome.summary["shortfall"] == f"at {event.t:.6g} s {event.message}"
     assert np.isnan(outcome["truth.x"][-1]).all()
     assert np.isfinite(outcome["truth.x"][:-1]).all()

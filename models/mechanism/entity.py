@@ -145,6 +145,8 @@ _REFERENCES = {
     **{"objname": "objtype", "refname": "reftype"},
 }
 """fields of an element that name another one, and the field with its kind; None for a body"""
+_CARRIERS = ("vertbody", "nodebody")  # fields of a flex with the names of the bodies that carry it
+_VECTORS = ("MjIntVec", "MjFloatVec", "MjDoubleVec", "MjStringVec")
 _BODIES = (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY)
 _OWN_TO_A_SPEC = ("id", "signature", "compiler", "classname", "info", "plugin")  # fields of an element
 _MADE_IN_PYTHON = ("lqr",)  # of the suite: the file alone has no joints
@@ -239,6 +241,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     # Straight onto the world, for what is computed about the centre of mass of a tree has other digits in another tree.
     arena.attach(own, prefix=f"{name}/", frame=arena.worldbody.add_frame())
     for kind, add in (
+        ("flexes", arena.add_flex),
         ("equalities", arena.add_equality),
         ("excludes", arena.add_exclude),
         ("sensors", arena.add_sensor),
@@ -284,9 +287,11 @@ def _add_again(
             if field in _REFERENCES and value == "world":
                 kind = _REFERENCES[field]
                 value = value if kind is None or getattr(element, kind) in _BODIES else f"{prefix}{value}"
-            elif (field == "name" or field in _REFERENCES) and value:
+            elif (field in ("name", "material") or field in _REFERENCES) and value:
                 value = f"{prefix}{value}"
-            fields[field] = list(value) if field == "userdata" else value
+            elif field in _CARRIERS:
+                value = [body if body == "world" else f"{prefix}{body}" for body in value]
+            fields[field] = list(value) if type(value).__name__ in _VECTORS else value
         add(**fields)
 
 

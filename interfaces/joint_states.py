@@ -7,11 +7,12 @@ joint is a position [m] in the world frame before such a quaternion, and a veloc
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 
-from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.signals import Array
 
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
@@ -20,6 +21,9 @@ SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
 """sizes of a joint's part of q and of v"""
 
 UNIT = 1e-2  # by which the length of a quaternion may differ from 1: logs keep few decimals
+QuaternionOrder = Literal["wxyz", "xyzw"]
+"""order of the components of quaternions that come in: with the scalar first, as everywhere here, or last"""
+
 _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
@@ -81,3 +85,19 @@ def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
             raise ArgumentError(f"{what} = {q.tolist()} has a quaternion of length {length:.7g}; allowed: {allowed}")
         q[each] /= length
     return q
+
+
+def scalar_first(values: Array, where: Sequence[slice], order: QuaternionOrder) -> Array:
+    """Return readings (..., m) with their quaternions, which come in this order, as (w, x, y, z)."""
+    if order == "wxyz" or not where:
+        return values
+    values = values.copy()
+    for each in where:
+        values[..., each] = np.roll(values[..., each], 1, axis=-1)
+    return values
+
+
+def check_quaternion_order(order: str) -> None:
+    """Raise FieldError for an order of quaternions that is not one."""
+    if order not in get_args(QuaternionOrder):
+        raise FieldError(f"quaternions = {order!r}; allowed: {', '.join(map(repr, get_args(QuaternionOrder)))}")

@@ -37,7 +37,11 @@ class StateView(Protocol):
 
 
 class Sensor(Protocol):
-    """Sensor mounted on a vehicle. It has no clock: the plant reads it when a reading is due."""
+    """Sensor mounted on a vehicle. It has no clock: the plant reads it when a reading is due.
+
+    It may also have ``partial``, True if single values of a reading may be NaN, and ``quaternions``, the slices of a
+    reading that are unit quaternions (w, x, y, z).
+    """
 
     @property
     def name(self) -> str:

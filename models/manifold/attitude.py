@@ -91,6 +91,7 @@ class Attitude:
     vector_size = 3
     kappa = 1.0
     injectivity_radius = 0.5 * math.pi
+    quaternions = (slice(0, 4),)
 
     @property
     def origin(self) -> Array:

@@ -121,6 +121,12 @@ def is_beyond(manifold: Manifold, p: Array, q: Array, share: float = 1.0) -> boo
     return manifold.injectivity_radius < math.inf and (manifold.distance(p, q) >= share * manifold.injectivity_radius)
 
 
+def quaternion_parts(manifold: Manifold) -> tuple[slice, ...]:
+    """Places of the unit quaternions in a point; a manifold that has some names them as ``quaternions``."""
+    parts: tuple[slice, ...] = getattr(manifold, "quaternions", ())
+    return parts
+
+
 def unrounded(name: str, p: Array, bits: int) -> Array:
     """Return p (size,) unchanged, on a manifold without encoders.
 

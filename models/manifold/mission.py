@@ -15,7 +15,7 @@ from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import FINITE, Fraction, Positive, configuration
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.models.manifold.manifold import Manifold, quaternion_parts
 from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, LagrangianSystem, require_modelled
 
 POSITION = "position"  # the name of their readings
@@ -52,6 +52,11 @@ class ManifoldPositionSensor:
         """Components of a reading, those of a point."""
         return self.manifold.size
 
+    @property
+    def quaternions(self) -> tuple[slice, ...]:
+        """Places of quaternions in a reading."""
+        return quaternion_parts(self.manifold)
+
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         """Read the position (size,) of the plant, with noise, jumps and rounding; None where the reading is lost."""
         manifold, quality = self.manifold, self.quality
@@ -70,6 +75,7 @@ class StateSensor:
 
     size: int
     rate: float | None  # [Hz]
+    quaternions: tuple[slice, ...] = ()  # places in a reading
     name: ClassVar[str] = "full_state"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
@@ -125,7 +131,7 @@ class LagrangianMission:
         """
         if rate is not None and rate < 1.0 / self.period:
             require_modelled(self.system, f"estimator = full_state at {rate:g} Hz", MODEL_FREE_ESTIMATORS)
-        return StateSensor(len(self.system.states), rate or 1.0 / self.period)
+        return StateSensor(len(self.system.states), rate or 1.0 / self.period, quaternion_parts(self.system.manifold))
 
     def full_state_covariance(self, age: float) -> Array:
         """Covariance (n, n) of a reading of any age: zero, for it has no error."""

@@ -123,6 +123,12 @@ class JointEncoders:
         """Components of a reading."""
         return self.position.size - JOINT_POSITIONS.start
 
+    @property
+    def quaternions(self) -> tuple[slice, ...]:
+        """Places of the quaternions of ball joints in a reading."""
+        first = JOINT_POSITIONS.start
+        return tuple(slice(each.start - first, each.stop - first) for each in self.position.quaternions[1:])
+
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         """Read the joints (nq - 7,), with noise, jumps and rounding; None where the reading is lost."""
         y = self.position.read(motion, rng)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -30,6 +31,18 @@ from mathnavi.models.mechanism import kernels
 
 _SHORTEST = 1e-6  # [s] timestep
 _SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal scaled to 1
+
+
+@dataclass(frozen=True)
+class ScalarJoint:
+    """Slide or hinge of a mechanism; a free joint has three slides."""
+
+    name: str
+    place: int  # in a point
+    coordinate: int  # in a tangent vector
+    hinge: bool
+    low: float  # [rad, m] of its limits, infinite without
+    high: float  # [rad, m]
 
 
 class MechanismManifold:
@@ -46,7 +59,8 @@ class MechanismManifold:
         joints = range(model.njnt)
         rates = {BALL: 0, FREE: 3}  # velocities of a joint before those of its attitude
         balls = [int(model.jnt_dofadr[j]) + rates[int(model.jnt_type[j])] for j in joints if model.jnt_type[j] in rates]
-        self._quaternions = quaternions(model, joints)
+        self.quaternions = quaternions(model, joints)
+        """places of the quaternions in a point"""
         data = self._data
         self._at = kernels.Mechanism(
             kernels.address(self._model), kernels.address(data), data.qpos, data.qvel, np.array(balls, dtype=np.int64)
@@ -57,20 +71,11 @@ class MechanismManifold:
         names = [model.joint(j).name or str(j) for j in joints]
         self.name = f"the mechanism of the joints {', '.join(names)}"
         self.injectivity_radius = _half_turn(M, balls)
-        self.hinges = tuple(
-            (int(model.jnt_qposadr[j]), *(model.jnt_range[j].tolist() if model.jnt_limited[j] else (-np.inf, np.inf)))
-            for j in joints
-            if model.jnt_type[j] == HINGE
-        )
+        self.scalars = tuple(each for j in joints for each in _scalars(model, j))
+        """slides and hinges, those of free joints too"""
+        self.hinges = tuple((each.place, each.low, each.high) for each in self.scalars if each.hinge)
         """place in a point, and limits [rad], of each hinge"""
-        self._slides = np.array(
-            [
-                int(model.jnt_qposadr[j]) + k
-                for j in joints
-                for k in range({SLIDE: 1, FREE: 3}.get(int(model.jnt_type[j]), 0))
-            ],
-            dtype=np.intp,
-        )
+        self._slides = np.array([each.place for each in self.scalars if not each.hinge], dtype=np.intp)
 
     def __reduce__(self) -> tuple[type[MechanismManifold], tuple[mujoco.MjModel]]:
         """Make a copy allocate its own memory: addresses are valid only as long as the object that they belong to."""
@@ -94,7 +99,7 @@ class MechanismManifold:
         point = np.asarray(p, dtype=np.float64)
         if point.shape != (self.size,) or not np.isfinite(point).all():
             raise ArgumentError(f"point = {point.tolist()}; allowed on {self.name}: {self.size} finite numbers")
-        return with_unit_quaternions(np.ascontiguousarray(point), self._quaternions, "point")
+        return with_unit_quaternions(np.ascontiguousarray(point), self.quaternions, "point")
 
     def exp(self, p: Array, w: Array) -> Array:
         """exp_p w (nq,) of w (nv,) at p (nq,), to the fourth order in w; see ``kernels.exponential``."""
@@ -168,10 +173,10 @@ class MechanismManifold:
             return p.copy()
         unit = np.full(self.size, 2.0 * math.pi / 2.0**bits)
         unit[self._slides] = 1.0 / 2.0**bits
-        for each in self._quaternions:
+        for each in self.quaternions:
             unit[each] *= 0.5
         q = unit * np.round(p / unit)
-        for each in self._quaternions:
+        for each in self.quaternions:
             q[each] /= np.linalg.norm(q[each])
         return q
 
@@ -219,6 +224,16 @@ def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
     M = np.empty((model.nv, model.nv))
     mujoco.mj_fullM(model, data, M)
     return M
+
+
+def _scalars(model: mujoco.MjModel, j: int) -> list[ScalarJoint]:
+    kind, name = int(model.jnt_type[j]), model.joint(j).name.rpartition("/")[2] or str(j)
+    place, coordinate = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+    if kind == FREE:
+        ends = (-math.inf, math.inf)
+        return [ScalarJoint(f"{name}_{axis}", place + k, coordinate + k, False, *ends) for k, axis in enumerate("xyz")]
+    low, high = model.jnt_range[j].tolist() if model.jnt_limited[j] else (-math.inf, math.inf)
+    return [ScalarJoint(name, place, coordinate, kind == HINGE, low, high)] if kind in (SLIDE, HINGE) else []
 
 
 def _is_positive(M: Array) -> bool:

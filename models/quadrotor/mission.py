@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class QuadrotorStateSensor:
     rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
     size: int = STATE_SIZE
+    quaternions: ClassVar[tuple[slice, ...]] = (ATTITUDE,)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         """Read the state (13,) of ``motion``; ``rng`` draws the noise."""

@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mathnavi.estimators.plausibility.checks import Recording, finished, misread
 from mathnavi.interfaces.errors import FieldError, LogError
 from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
+from mathnavi.interfaces.joint_states import UNIT, QuaternionOrder, check_quaternion_order, scalar_first
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading.table_format import TableFormat
 from mathnavi.interfaces.reading_counts import Unused, unused_in, unused_text
@@ -43,10 +45,11 @@ class SensorLog:
     """Log of a vehicle: at t[k] the sensors were read, and from then until t[k + 1] the input was inputs[k].
 
     ``t`` (n,) [s] increases. ``readings`` are arrays (n, m) by the name of the sensor, (n,) for m = 1, in its unit and
-    frame; a row of NaN marks a time at which it was not read. ``inputs`` (n, nu) are zero if not given.
+    frame; a row of NaN marks a time at which it was not read. ``inputs`` (n, nu) are zero if not given. ``quaternions``
+    is the order in which those of the readings come: (w, x, y, z) with the scalar first, or "xyzw".
 
-    Raises LogError for times that are not finite or do not increase, for arrays of another length, and for an input
-    that is not finite, with the place in the array.
+    Raises FieldError for another order, LogError for times that are not finite or do not increase, for arrays of
+    another length, and for an input that is not finite, with the place in the array.
     """
 
     t: Array
@@ -57,8 +60,10 @@ class SensorLog:
     """what was subtracted from the times of a file, exactly [s]: since 1970 for dates"""
     notes: tuple[str, ...] = ()
     """what was converted and what was left out when a file was read, a sentence each"""
+    quaternions: QuaternionOrder = "wxyz"
 
     def __post_init__(self) -> None:
+        check_quaternion_order(self.quaternions)
         t = _array(self.t, f"{self.source}: t", 1)
         if not len(t):
             raise LogError(f"{self.source}: t is empty; allowed: one time or more")
@@ -216,7 +221,8 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     period must be about that of the log.
 
     Raises PluginError for a method that is unknown, does not fit the mission or fails, FieldError for a field or a
-    value that is not allowed, and LogError for a log without readings that the method needs, or with malformed ones.
+    value that is not allowed, and LogError for a log without readings that the method needs, with malformed ones, or
+    with some that fit the mission only in another unit, with another sign or in another order of quaternions.
     """
     found = load("estimators", method) if isinstance(method, str) else method
     if isinstance(found, PluginSpec):
@@ -231,12 +237,16 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     name = method if isinstance(method, str) else called("estimators", spec.name)
     for sensor in sensors:
         _check_readings(log, sensor, name)
+    readings = {sensor.name: _with_scalar_first(log, sensor) for sensor in sensors}
     commands = _commands(log, mission)
     if len(log.t) > 1:
         _check_period(log, float(estimator.period), name)
+    from_each = np.vstack([commands[1:], commands[-1:]])
+    if said := finished(misread(mission, Recording(log.t, readings, from_each, log.quaternions))):
+        raise LogError(f"{log.source}: {said}")
     found_at: list[Estimate] = []
     for k, t in enumerate(log.t.tolist()):
-        rows = ((sensor.name, log.readings[sensor.name][k]) for sensor in sensors)
+        rows = ((each, values[k]) for each, values in readings.items())
         read = tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
         with of_stranger(spec.plugin, f"estimators: {name!r}: update() at {t:g} s failed:"):
             found_at.append(estimator.update(t, read, commands[k]))
@@ -284,6 +294,23 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
             f"{log.source}: {sensor.name}[{row}, {column}] = {values[row, column]} at {log.t[row]:.9g} s; allowed: a "
             "finite number, or a row of NaN where there is no reading"
         )
+
+
+def _with_scalar_first(log: SensorLog, sensor: Sensor) -> Array:
+    """Return the readings (n, m) of a sensor, its quaternions, of length 1, with their scalar first."""
+    parts: tuple[slice, ...] = getattr(sensor, "quaternions", ())
+    values = log.readings[sensor.name]
+    for part in parts:
+        length = np.linalg.norm(values[:, part], axis=1)
+        off = np.flatnonzero(np.abs(length - 1.0) > UNIT)
+        if off.size:
+            k = int(off[0])
+            place = f"{sensor.name}[{k}, {part.start}:{part.stop}] = {vector_text(values[k, part])} at {log.t[k]:.9g} s"
+            raise LogError(
+                f"{log.source}: {place} is a quaternion of length {length[k]:.7g}, one of {off.size} such; allowed: a "
+                f"length of 1 +- {UNIT:g}, or a row of NaN where there is no reading"
+            )
+    return scalar_first(values, parts, log.quaternions)
 
 
 def _commands(log: SensorLog, mission: Any) -> Array:

@@ -16,13 +16,16 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mathnavi.estimators.plausibility.checks import FirstReadings
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
+from mathnavi.interfaces.joint_states import QuaternionOrder, check_quaternion_order, scalar_first
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status, status_text
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
+from mathnavi.models.manifold.manifold import quaternion_parts
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission, PositionQuality
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem
@@ -74,13 +77,24 @@ class MotionEstimate:
 class LagrangianObserver:
     """Estimator of a Lagrangian system, stepped through positions and inputs."""
 
-    def __init__(self, system: LagrangianSystem, method: str, noise: float, speed_max: float, fields: Any) -> None:
+    def __init__(
+        self,
+        system: LagrangianSystem,
+        method: str,
+        noise: float,
+        speed_max: float,
+        quaternions: QuaternionOrder,
+        fields: Any,
+    ) -> None:
+        check_quaternion_order(quaternions)
         with raising(FieldError):
             mission = LagrangianMission(system, PositionQuality(noise=noise), _CLOCK, speed_max)
             found = load("estimators", method)
             spec = PluginSpec(found, configured(found.Config(), fields))
             self._estimator: Estimator = checked_estimator(spec, mission)
         self._system, self._method, self._t = system, method, 0.0
+        self._quaternions = quaternions
+        self._first_readings = FirstReadings(mission, quaternions)
 
     @property
     def system(self) -> LagrangianSystem:
@@ -93,8 +107,9 @@ class LagrangianObserver:
         y (size,) is the position read at its end, None if the reading was lost. The first step starts the observer at
         its reading, with zero velocity. u is zero if not given.
 
-        Raises FieldError for a dt that is negative, and for y or u of another shape. A y that is not finite, or not a
-        point of the manifold, is a reading that was lost.
+        Raises FieldError for a dt that is negative, for y or u of another shape, and once the first readings have shown
+        that they fit the system only in another unit, with another sign or with the scalar of their quaternions last. A
+        y that is not finite, or not a point of the manifold, is a reading that was lost.
         """
         system, n = self._system, len(self._system.inputs)
         if not (np.isfinite(dt) and dt >= 0.0):
@@ -103,13 +118,16 @@ class LagrangianObserver:
         if command.shape != (n,) or not np.isfinite(command).all():
             raise FieldError(f"u = {command.tolist()}; allowed: {n} finite numbers, of {', '.join(system.inputs)}")
         self._t += float(dt)
-        readings = []
+        readings, point = [], np.full(system.manifold.size, np.nan)
         if y is not None:
             point = np.array(y, dtype=np.float64)  # a copy: it may be a view of an array that changes
             if point.shape != (system.manifold.size,):
                 name, size = system.manifold.name, system.manifold.size
                 raise FieldError(f"y has shape {point.shape}; allowed on {name}: ({size},)")
+            point = scalar_first(point, quaternion_parts(system.manifold), self._quaternions)
             readings.append(Measurement(POSITION, self._t, point))
+        if said := self._first_readings.misread(self._t, {POSITION: point}, command):
+            raise FieldError(f"y: {said}")
         estimate = self._estimator.update(self._t, readings, command)
         size = system.manifold.size
         return MotionEstimate(estimate, estimate.x[:size], estimate.x[size:], tuple(system.states))
@@ -132,7 +150,7 @@ class IntrinsicObserver(LagrangianObserver):
 
     ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the other fields of the
     plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading, ``speed_max`` the
-    highest |v|, by which outliers are rejected; without it none are.
+    highest |v|, by which outliers are rejected; without it none are. ``quaternions`` is the order of those in y.
 
     Raises FieldError for a field or a value that is not allowed.
     """
@@ -145,6 +163,7 @@ class IntrinsicObserver(LagrangianObserver):
         potential: Callable[[casadi.SX], casadi.SX] | None = None,
         noise: float = 0.0,
         speed_max: float = ANY_SPEED,
+        quaternions: QuaternionOrder = "wxyz",
         **fields: Any,
     ) -> None:
         if isinstance(where, ConstantCurvature):
@@ -153,7 +172,9 @@ class IntrinsicObserver(LagrangianObserver):
             system = where
         else:
             raise FieldError("potential: allowed with a space of constant curvature; a system has its own forces")
-        super().__init__(system, "riemannian_observer", noise, speed_max, {"bandwidth": bandwidth, **fields})
+        super().__init__(
+            system, "riemannian_observer", noise, speed_max, quaternions, {"bandwidth": bandwidth, **fields}
+        )
 
 
 class VelocityObserver(LagrangianObserver):
@@ -163,8 +184,8 @@ class VelocityObserver(LagrangianObserver):
     ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
 
     ``method`` is a plug-in: riemannian_observer, high_gain, momentum_observer, lagrangian_ekf, lagrangian_ukf or
-    filtered_differences, and ``fields`` are its fields. ``noise`` [rad, m] and ``speed_max`` are those of an
-    ``IntrinsicObserver``.
+    filtered_differences, and ``fields`` are its fields. ``noise`` [rad, m], ``speed_max`` and ``quaternions`` are those
+    of an ``IntrinsicObserver``.
 
     Raises FieldError for a model that is not such a mechanism and for a field or a value that is not allowed,
     PluginError for an unknown method.
@@ -177,12 +198,13 @@ class VelocityObserver(LagrangianObserver):
         *,
         noise: float = 0.0,
         speed_max: float = ANY_SPEED,
+        quaternions: QuaternionOrder = "wxyz",
         **fields: Any,
     ) -> None:
         with raising(FieldError):
             model = mechanism if isinstance(mechanism, mujoco.MjModel) else build_model(mechanism)
             system = MechanismSystem(model)
-        super().__init__(system, method, noise, speed_max, fields)
+        super().__init__(system, method, noise, speed_max, quaternions, fields)
 
 
 def _no_potential(p: casadi.SX) -> casadi.SX:

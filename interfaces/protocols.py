@@ -39,8 +39,8 @@ class StateView(Protocol):
 class Sensor(Protocol):
     """Sensor mounted on a vehicle. It has no clock: the plant reads it when a reading is due.
 
-    It may also have ``partial``, True if single values of a reading may be NaN, and ``quaternions``, the slices of a
-    reading that are unit quaternions (w, x, y, z).
+    It may also have ``partial``, True if single values of a reading may be NaN, ``quaternions``, the slices of a
+    reading that are unit quaternions (w, x, y, z), and ``check(reading)``, which raises ValueError for a malformed one.
     """
 
     @property

@@ -9,18 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.plausibility import inertial, positions
+from mathnavi.estimators.plausibility import base_imu, inertial, positions
 from mathnavi.estimators.plausibility import odometry as odometry_check
+from mathnavi.estimators.plausibility.motion import RecordedMotion
 from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
+from mathnavi.models.mechanism.floating_base import FEET, IMU, JOINT_POSITIONS, JOINTS
+from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.unicycle.mission import RangingMission
 
 Check = Generator[None, None, str]
 """check in steps of some milliseconds, which returns what is wrong, or "" """
 
-_SAMPLES = (64, 256, 1024)  # readings after which those of a stepped observer are checked
+_SAMPLES = (128, 512)  # readings after which those of a stepped observer are checked
+_END = object()  # of a check
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +46,18 @@ def misread(mission: Any, recording: Recording) -> Check:
 
 @misread.register
 def _(mission: LagrangianMission, recording: Recording) -> Check:
-    if POSITION not in recording.readings:
-        return ""
-    t, y, u = recording.t, recording.readings[POSITION], recording.inputs
-    said = yield from positions.misread(mission, t, y, u, recording.quaternions)
+    t, readings, u = recording.t, recording.readings, recording.inputs
+    said = ""
+    if POSITION in readings:
+        motion = RecordedMotion(t, readings[POSITION], u)
+        said = yield from positions.misread(mission, motion, recording.quaternions)
+    if JOINTS in readings:
+        pose = np.tile(mission.system.manifold.origin[: JOINT_POSITIONS.start], (len(t), 1))
+        motion = RecordedMotion(t, np.hstack([pose, readings[JOINTS]]), u, JOINTS, JOINT_POSITIONS.start)
+        said = yield from positions.misread(mission, motion, recording.quaternions)
+    if {IMU, FEET} <= readings.keys() and isinstance(mission.system, MechanismSystem):
+        base = mission.system.floating_base
+        said = said or base_imu.misread(base, mission.start_state, t, readings[IMU], readings[FEET])
     return said
 
 
@@ -94,7 +106,8 @@ class FirstReadings:
         self._t: list[float] = []
         self._readings: dict[str, list[Array]] = {}
         self._inputs: list[Array] = []
-        self._steps: _Steps | None = None
+        self._checks = 0  # that have begun
+        self._steps: _Steps | None = None  # of the last one
         self._running: Iterator[None] = iter(())
 
     def misread(self, t: float, readings: Mapping[str, Array], u: Array) -> str:
@@ -102,15 +115,20 @@ class FirstReadings:
 
         ``readings`` (m,) by sensor are rows of NaN where there was none.
         """
-        if len(self._t) < _SAMPLES[-1]:
+        if len(self._t) < _SAMPLES[-1] and not (self._t and t <= self._t[-1]):
             self._t.append(t)
             self._inputs.append(u)
             for name, value in readings.items():
                 self._readings.setdefault(name, []).append(value)
-            if len(self._t) in _SAMPLES:
-                self._steps = _Steps(misread(self._mission, self._recording()))
-                self._running = iter(self._steps)
-        next(self._running, None)
+        running = self._steps is not None and next(self._running, _END) is not _END
+        if not running and self._checks < len(_SAMPLES) and len(self._t) >= _SAMPLES[self._checks] and not self._found:
+            self._checks += 1
+            self._steps = _Steps(misread(self._mission, self._recording()))
+            self._running = iter(self._steps)
+        return self._found
+
+    @property
+    def _found(self) -> str:
         return "" if self._steps is None else self._steps.found
 
     def _recording(self) -> Recording:

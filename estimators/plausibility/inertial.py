@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mathnavi.estimators.plausibility.base_imu import products
 from mathnavi.estimators.plausibility.units import DEGREES_PER_SECOND, GRAVITIES, MILLIGRAVITIES, Unit, fit_only
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.dynamics import ATTITUDE
@@ -120,21 +121,12 @@ class _Window:
     def parts(self, way: _Way) -> tuple[Array, Array]:
         """Fixes (m, 3) [m] and S (m, 3) [m], without what p_0 and v_0 explain of them."""
         dt = np.diff(self.t)[:, None]
-        turned = _products(Rotation.from_rotvec(self.imu[:, :3] * way.gyro * dt).as_matrix())
+        turned = products(Rotation.from_rotvec(self.imu[:, :3] * way.gyro * dt).as_matrix())
         force = self.imu[:, 3:] * way.accelerometer
         force[1:] = (turned[:-1] @ force[1:, :, None])[:, :, 0]
         speed = np.vstack([np.zeros(3), np.cumsum(force * dt, axis=0)])
         S = np.vstack([np.zeros(3), np.cumsum(0.5 * (speed[1:] + speed[:-1]) * dt, axis=0)])
         return self.fixes, S[self.rows]
-
-
-def _products(turns: Array) -> Array:
-    """Products (k, 3, 3) of the first 1, 2, ..., k rotations, in a number of steps that grows with log k."""
-    shift = 1
-    while shift < len(turns):
-        turns = np.concatenate([turns[:shift], turns[:-shift] @ turns[shift:]])
-        shift *= 2
-    return turns
 
 
 def _windows(t: Array, imu: Array, fixes: Array, longer: float) -> Iterator[_Window]:

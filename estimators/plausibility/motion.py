@@ -28,7 +28,8 @@ _STEPS = 8  # of the model over H
 _SHOTS = 3  # corrections of the velocity
 _SHORTEST, _SHARE_OF_LOG = 4, 8  # H in readings; a window is at most this part of a log
 _CLEAR = 100.0  # ratio of s^2 over H to s^2 from reading to reading, at which noise does not matter
-_INFORMED = 30.0  # the same, of a coordinate
+_INFORMED = 80.0  # the same, of a coordinate
+LONGER = 4  # times H, over which coordinates are compared that show nothing over H
 _STILL = 1e-12  # [rad^2, m^2] s^2 of a coordinate that is at rest
 _KEPT = 0.8  # of the windows: some have an outlier
 _WORST = 4.0  # s^2 that a window may count
@@ -41,6 +42,8 @@ class RecordedMotion:
     t: Array  # (N,) [s]
     y: Array  # (N, size) points of the manifold; NaN where there was no reading
     u: Array  # (N, nu) from each time to the next
+    name: str = "position"  # of the sensor
+    first: int = 0  # component of a point with which its readings begin; those before are not known
 
     def windows(self, stride: int, count: int) -> NDArray[np.intp]:
         """Rows (k, 3) of readings that are ``stride`` readings apart, spread over the log."""
@@ -49,9 +52,14 @@ class RecordedMotion:
         first = np.unique(np.linspace(0, starts - 1, min(count, starts)).astype(np.intp)) if starts > 0 else []
         return np.array([[read[a], read[a + stride], read[a + 2 * stride]] for a in first], np.intp).reshape(-1, 3)
 
+    @property
+    def longest(self) -> int:
+        """Readings of H at most."""
+        return 0 if self.first else len(self.y) // _SHARE_OF_LOG
+
     def stride(self, manifold: Manifold) -> int:
-        """Readings after which accelerations are clear of the noise; 0 in a log that is too short."""
-        longest, stride = len(self.y) // _SHARE_OF_LOG, _SHORTEST
+        """Readings after which accelerations are clear of the noise; 0 in a log that is too short, or lacks some."""
+        longest, stride = self.longest, _SHORTEST
         if longest < stride:
             return 0
         noise = _typical(self, manifold, 1)
@@ -67,6 +75,10 @@ class Bends:
     s: Array  # (k, n) what a constant velocity does not explain
     r: Array  # (k, n) what the model does not explain; infinite where no motion of the model leads there
     informed: NDArray[np.bool_]  # (n,) whether s is clear of the noise
+
+    def and_longer(self, longer: Bends) -> Array:
+        """Shares (n,), those of ``longer`` windows for coordinates that show no acceleration in these."""
+        return np.where(self.informed, self.shares, longer.shares)
 
     @property
     def shares(self) -> Array:

@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
-from mathnavi.estimators.plausibility.motion import Bends, RecordedMotion, bends, speeds
+from mathnavi.estimators.plausibility.motion import LONGER, RecordedMotion, bends, speeds
 from mathnavi.estimators.plausibility.units import (
     CENTIMETRES,
     DEGREES,
@@ -91,15 +90,10 @@ class _Fit:
     """Evidence for and against a way of reading."""
 
     way: _Way
-    bends: Bends | None  # None in a log that is too short
+    shares: Array  # (n,) of the acceleration that the model does not explain; NaN where none is seen
     beyond: tuple[ScalarJoint, ...]  # joints that contradict their limits
     within: bool  # whether all joints keep theirs
     speed: float  # median |v|_g
-
-    @cached_property
-    def shares(self) -> Array:
-        """Shares (n,) of the acceleration that the model does not explain; NaN where none is seen."""
-        return np.full(1, np.nan) if self.bends is None else self.bends.shares
 
     @property
     def worst(self) -> float:
@@ -114,20 +108,18 @@ class _Fit:
 
 
 def misread(
-    mission: LagrangianMission, t: Array, y: Array, u: Array, order: QuaternionOrder
+    mission: LagrangianMission, motion: RecordedMotion, order: QuaternionOrder = "wxyz"
 ) -> Generator[None, None, str]:
-    """Say in which other way alone the readings y (N, size) at t (N,) [s] fit the mission, under the inputs u (N, nu)
-    from each time to the next; "" if they fit as they are, or in no way. Rows of NaN are no readings. Quaternions of y
-    have their scalar first, if they came in the declared ``order``.
+    """Say in which other way alone the readings fit the mission; "" if they fit as they are, or in no way.
 
-    A generator: each step of it takes some milliseconds.
+    Quaternions have their scalar first, if they came in the declared ``order``. It is a generator, each step of which
+    takes some milliseconds.
     """
     manifold = mission.system.manifold
     if not (_scalars(manifold) or quaternion_parts(manifold)):
         return ""
-    motion = RecordedMotion(t, _points_or_nan(y, manifold), u)
-    other: QuaternionOrder = "xyzw" if order == "wxyz" else "wxyz"
-    common = _common_ways(manifold, other)
+    motion = replace(motion, y=_points_or_nan(motion.y, manifold))
+    common = _common_ways(manifold, "xyzw" if order == "wxyz" else "wxyz")
     as_is = yield from _fit(mission, motion, _Way(), _FULL)
     if as_is.worst >= _UNEXPLAINED:
         found = yield from _by_motion(mission, motion, as_is, common)
@@ -166,9 +158,13 @@ def _fit(mission: LagrangianMission, motion: RecordedMotion, way: _Way, count: i
     read = replace(motion, y=way.apply(motion.y, manifold))
     stride = read.stride(manifold)
     yield
-    found, speed = None, 0.0
+    found, speed = np.full(manifold.dimension, np.nan), 0.0
     if stride:
-        found = yield from bends(mission.system, read, stride, count)
+        over = yield from bends(mission.system, read, stride, count)
+        found = over.shares
+        if not over.informed.all() and LONGER * stride <= read.longest:
+            longer = yield from bends(mission.system, read, LONGER * stride, count)
+            found = over.and_longer(longer)
         speed = float(np.median(speeds(mission.system, read, stride, count)))
     kept = {joint: _keeps_limits(read.y[:, joint.place], joint) for joint in _scalars(manifold)}
     beyond = tuple(joint for joint, keeps in kept.items() if keeps is False)
@@ -342,14 +338,14 @@ def _sentence(way: _Way, what: str, motion: RecordedMotion) -> str:
     parts = []
     for unit in dict.fromkeys(unit for _, unit in way.units):
         joints = [joint for joint, other in way.units if other == unit]
-        places = [joint.place for joint in joints]
-        read = motion.y[:, places]
+        places = [joint.place - motion.first for joint in joints]
+        read = motion.y[:, [joint.place for joint in joints]]
         values = f"{np.nanmin(read):.3g} to {np.nanmax(read):.3g}"
         columns = f"column{'s' * (len(joints) > 1)} {', '.join(map(str, places))} ({_names(joints)}, {values})"
         parts.append((unit.name, columns, unit.allowed))
     if way.order is not None:
         parts.append((f"in the order {', '.join(way.order)}", "their quaternions", f'quaternions="{way.order}"'))
-    return fit_only("position", what, parts)
+    return fit_only(motion.name, what, parts)
 
 
 def _names(joints: Sequence[ScalarJoint]) -> str:

@@ -57,6 +57,10 @@ class ManifoldPositionSensor:
         """Places of quaternions in a reading."""
         return quaternion_parts(self.manifold)
 
+    def check(self, y: Array) -> None:
+        """Raise ArgumentError for a reading (size,) that is not a point of the manifold."""
+        self.manifold.check(y)
+
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         """Read the position (size,) of the plant, with noise, jumps and rounding; None where the reading is lost."""
         manifold, quality = self.manifold, self.quality

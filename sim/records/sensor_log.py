@@ -237,7 +237,7 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     name = method if isinstance(method, str) else called("estimators", spec.name)
     for sensor in sensors:
         _check_readings(log, sensor, name)
-    readings = {sensor.name: _with_scalar_first(log, sensor) for sensor in sensors}
+    readings = {sensor.name: _well_formed(log, sensor) for sensor in sensors}
     commands = _commands(log, mission)
     if len(log.t) > 1:
         _check_period(log, float(estimator.period), name)
@@ -296,8 +296,8 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
         )
 
 
-def _with_scalar_first(log: SensorLog, sensor: Sensor) -> Array:
-    """Return the readings (n, m) of a sensor, its quaternions, of length 1, with their scalar first."""
+def _well_formed(log: SensorLog, sensor: Sensor) -> Array:
+    """Return the readings (n, m) of a sensor, with (w, x, y, z) in their quaternions; LogError for malformed ones."""
     parts: tuple[slice, ...] = getattr(sensor, "quaternions", ())
     values = log.readings[sensor.name]
     for part in parts:
@@ -310,7 +310,14 @@ def _with_scalar_first(log: SensorLog, sensor: Sensor) -> Array:
                 f"{log.source}: {place} is a quaternion of length {length[k]:.7g}, one of {off.size} such; allowed: a "
                 f"length of 1 +- {UNIT:g}, or a row of NaN where there is no reading"
             )
-    return scalar_first(values, parts, log.quaternions)
+    values = scalar_first(values, parts, log.quaternions)
+    check = getattr(sensor, "check", None)
+    for k in np.flatnonzero(~np.isnan(values).any(axis=1)).tolist() if check is not None else ():
+        try:
+            check(values[k])
+        except ValueError as error:
+            raise LogError(f"{log.source}: {sensor.name}[{k}] at {log.t[k]:.9g} s: {error}") from None
+    return values
 
 
 def _commands(log: SensorLog, mission: Any) -> Array:

@@ -178,14 +178,18 @@ def recorded_as(mission: LagrangianMission, fields: LagrangianFields) -> dict[st
 def given_start(start: NumberList, mission: LagrangianMission) -> Array:
     """State (x, v) from these numbers, x projected exactly onto its space.
 
-    Raises MissionError for one of another size, FieldError for one too fast, ValueError for one off the space.
+    Raises MissionError for one of another size or off the space, FieldError for one too fast.
     """
     system, size = mission.system, mission.system.manifold.size
     if len(start) != len(system.states):
         raise MissionError(f"start = {start!r}; allowed: {len(system.states)} numbers, of {', '.join(system.states)}")
     for value in start[size:]:
         check(value, "start", -_FASTEST, _FASTEST)
-    return np.concatenate([system.manifold.check(np.array(start[:size])), start[size:]])
+    try:
+        x = system.manifold.check(np.array(start[:size]))
+    except ValueError as error:
+        raise MissionError(f"start: {error}") from None
+    return np.concatenate([x, start[size:]])
 
 
 def checked_speed(start: Array, mission: LagrangianMission) -> Array:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mathnavi.estimators.plausibility.checks import FirstReadings
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
@@ -106,6 +107,7 @@ class PoseObserver:
             spec = PluginSpec(found, configured(found.Config(), fields))
             self._estimator: Estimator = checked_estimator(spec, mission)
         self._mission, self._method, self._t = mission, method, 0.0
+        self._first_readings = FirstReadings(mission)
 
     def step(self, dt: float, ranges: ArrayLike | None, odometry: ArrayLike) -> PoseEstimate:
         """Return the estimate at the end of a step of dt [s].
@@ -113,7 +115,8 @@ class PoseObserver:
         ``ranges`` (l,) [m] are read at its end, NaN where a ray was lost; None if all were. ``odometry`` (2,) [m/s,
         rad/s] is the mean speed and turn rate over the step, as the wheels measure it.
 
-        Raises FieldError for a dt that is negative, and for arrays of another shape.
+        Raises FieldError for a dt that is negative, for arrays of another shape, and once the first readings have shown
+        that they fit the wall only in another unit or with another sign.
         """
         count = self._mission.sensors
         if not (np.isfinite(dt) and dt >= 0.0):
@@ -123,6 +126,8 @@ class PoseObserver:
         if u.shape != (2,) or rho.shape != (count,) or not np.isfinite(u).all():
             raise FieldError(f"ranges {rho.shape}, odometry {u.tolist()}; allowed: ({count},) and two finite numbers")
         self._t += float(dt)
+        if said := self._first_readings.misread(self._t, {"ranges": rho, "odometry": u}, u):
+            raise FieldError(said)
         readings = [Measurement("ranges", self._t, rho), Measurement("odometry", self._t, u)]
         return PoseEstimate(self._estimator.update(self._t, readings, u))
 

@@ -26,7 +26,7 @@ from mathnavi.models.manifold.system import LagrangianSystem
 
 _STEPS = 8  # of the model over H
 _SHOTS = 3  # corrections of the velocity
-_SHORTEST, _SHARE_OF_LOG = 4, 8  # H in readings; a window is at most this part of a log
+_SHORTEST, _LONGEST, _SHARE_OF_LOG = 4, 64, 8  # H in readings, and at most this part of a log
 _CLEAR = 100.0  # ratio of s^2 over H to s^2 from reading to reading, at which noise does not matter
 _INFORMED = 80.0  # the same, of a coordinate
 LONGER = 4  # times H, over which coordinates are compared that show nothing over H
@@ -44,6 +44,7 @@ class RecordedMotion:
     u: Array  # (N, nu) from each time to the next
     name: str = "position"  # of the sensor
     first: int = 0  # component of a point with which its readings begin; those before are not known
+    longer: bool = False  # whether coordinates that show nothing over H are compared over longer times
 
     def windows(self, stride: int, count: int) -> NDArray[np.intp]:
         """Rows (k, 3) of readings that are ``stride`` readings apart, spread over the log."""
@@ -55,7 +56,7 @@ class RecordedMotion:
     @property
     def longest(self) -> int:
         """Readings of H at most."""
-        return 0 if self.first else len(self.y) // _SHARE_OF_LOG
+        return 0 if self.first else min(_LONGEST, len(self.y) // _SHARE_OF_LOG)
 
     def stride(self, manifold: Manifold) -> int:
         """Readings after which accelerations are clear of the noise; 0 in a log that is too short, or lacks some."""

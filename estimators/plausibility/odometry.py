@@ -32,6 +32,7 @@ from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 _DURATION, _WINDOWS, _TIMES = 6.0, 3, 16  # [s] of a window at most, number of windows, times of one with ranges
 _FEWEST = 8  # times
 _PLACES, _HEADINGS, _NEAR, _BEST = 7, 12, 30, 3  # of starts: along either axis, all around, to compare, to improve
+_NEAR_A_STEP = 10  # starts that are compared in one step
 _KEPT = 0.7  # of the rays: some are outliers
 _WORSE, _NOISE = 4.0, 5.0  # times what the best way leaves unexplained, of the ranges, and the declared noise
 _THOROUGH = 3  # times as many starts before a log is refused
@@ -159,9 +160,10 @@ class _Search:
             first = _rest(self.expected - measured[0])
             near = self.starts[np.argsort(first)[: _NEAR * self.denser]]
             whole = []
-            for start in near:
+            for k, start in enumerate(near):
                 whole.append(_rest((self._along(start, path) - measured).ravel()))
-                yield
+                if not k % _NEAR_A_STEP:
+                    yield
             best = math.inf
             for k in np.argsort(whole)[: _BEST * self.denser]:
                 yield

@@ -44,7 +44,7 @@ _NEARBY = 1.1  # a factor so near does not fit much better than that of a unit
 _FEW = 3  # joints, each of which is tried
 _GEARED = math.pi  # [rad] over which the readings of a hinge with a gear move
 _AS_GOOD = 2.0  # times the least that is left unexplained: the likelier way is taken
-_QUICK, _FULL = 12, 40  # windows to compare ways by, and to decide by
+_QUICK, _FULL = 10, 40  # windows to compare ways by, and to decide by
 _ROUNDS, _BETTER = 4, 0.8  # joints that are read in different ways, each of which removes a fifth of what is left
 
 Search = Generator[None, None, "_Fit | None"]
@@ -121,6 +121,9 @@ def misread(
     motion = replace(motion, y=_points_or_nan(motion.y, manifold))
     common = _common_ways(manifold, "xyzw" if order == "wxyz" else "wxyz")
     as_is = yield from _fit(mission, motion, _Way(), _FULL)
+    if as_is.worst < _UNEXPLAINED and np.isnan(as_is.shares).any():
+        motion = replace(motion, longer=True)
+        as_is = yield from _fit(mission, motion, _Way(), _FULL)
     if as_is.worst >= _UNEXPLAINED:
         found = yield from _by_motion(mission, motion, as_is, common)
         if found is not None:
@@ -162,7 +165,7 @@ def _fit(mission: LagrangianMission, motion: RecordedMotion, way: _Way, count: i
     if stride:
         over = yield from bends(mission.system, read, stride, count)
         found = over.shares
-        if not over.informed.all() and LONGER * stride <= read.longest:
+        if read.longer and not over.informed.all() and LONGER * stride <= read.longest:
             longer = yield from bends(mission.system, read, LONGER * stride, count)
             found = over.and_longer(longer)
         speed = float(np.median(speeds(mission.system, read, stride, count)))

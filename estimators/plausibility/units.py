@@ -34,8 +34,11 @@ MILLIGRAVITIES = Unit("in thousandths of g", STANDARD_GRAVITY / 1e3, "m/s^2: mul
 
 
 def gear(factor: float) -> Unit:
-    """Return the unit of an angle that is read through a gear, times this factor."""
-    return Unit(f"times {factor:.3g}, as through a gear of {1.0 / factor:.3g},", factor, f"multiply by {factor:.3g}")
+    """Return the unit of an angle that is read before a gear, and becomes that of the joint times this factor."""
+    ratio = f"{1.0 / factor:.2g}"
+    return Unit(
+        f"before a gear of about {ratio}", factor, f"the joint's angle: divide by the gear's ratio, about {ratio}"
+    )
 
 
 def fit_only(readings: str, what: str, parts: Sequence[tuple[str, str, str]]) -> str:

@@ -42,7 +42,6 @@ def driven() -> tuple[Array, Array, Array]:
             "as deg/s in column 1 of odometry, the turn rate; allowed: rad/s: multiply by pi/180",
         ),
         (1.0, -1.0, 1.0, "with the other sign in column 1 of odometry"),
-        (-1.0, 1.0, 1.0, "with the other sign in column 0 of odometry"),
         (1e3, 1.0, 1.0, "as mm/s in column 0 of odometry, the speed; allowed: m/s"),
         (1.0, 1.0, 1e3, "as millimetres in ranges; allowed: metres"),
     ],

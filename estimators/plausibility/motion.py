@@ -25,11 +25,11 @@ from mathnavi.models.manifold.manifold import CutLocusError, Manifold
 from mathnavi.models.manifold.system import LagrangianSystem
 
 _STEPS = 8  # of the model over H
-_SHOTS = 3  # corrections of the velocity
-_SHORTEST, _LONGEST, _SHARE_OF_LOG = 4, 64, 8  # H in readings, and at most this part of a log
+_SHOTS = 2  # corrections of the velocity
+_SHORTEST, _LONGEST, _SHARE_OF_LOG = 4, 32, 8  # H in readings, and at most this part of a log
 _CLEAR = 100.0  # ratio of s^2 over H to s^2 from reading to reading, at which noise does not matter
 _INFORMED = 80.0  # the same, of a coordinate
-LONGER = 4  # times H, over which coordinates are compared that show nothing over H
+_LONGER = 4  # times H, over which coordinates are compared that show nothing over H
 _STILL = 1e-12  # [rad^2, m^2] s^2 of a coordinate that is at rest
 _KEPT = 0.8  # of the windows: some have an outlier
 _WORST = 4.0  # s^2 that a window may count
@@ -57,6 +57,11 @@ class RecordedMotion:
     def longest(self) -> int:
         """Readings of H at most."""
         return 0 if self.first else min(_LONGEST, len(self.y) // _SHARE_OF_LOG)
+
+    def longer_than(self, stride: int) -> int:
+        """Readings of a longer H than ``stride``; 0 in a log that is too short."""
+        longer = min(_LONGER * stride, len(self.y) // _SHARE_OF_LOG)
+        return longer if longer > stride else 0
 
     def stride(self, manifold: Manifold) -> int:
         """Readings after which accelerations are clear of the noise; 0 in a log that is too short, or lacks some."""

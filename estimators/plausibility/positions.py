@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mathnavi.estimators.plausibility.motion import LONGER, RecordedMotion, bends, speeds
+from mathnavi.estimators.plausibility.motion import RecordedMotion, bends, speeds
 from mathnavi.estimators.plausibility.units import (
     CENTIMETRES,
     DEGREES,
@@ -165,8 +165,8 @@ def _fit(mission: LagrangianMission, motion: RecordedMotion, way: _Way, count: i
     if stride:
         over = yield from bends(mission.system, read, stride, count)
         found = over.shares
-        if read.longer and not over.informed.all() and LONGER * stride <= read.longest:
-            longer = yield from bends(mission.system, read, LONGER * stride, count)
+        if read.longer and not over.informed.all() and (more := read.longer_than(stride)):
+            longer = yield from bends(mission.system, read, more, count)
             found = over.and_longer(longer)
         speed = float(np.median(speeds(mission.system, read, stride, count)))
     kept = {joint: _keeps_limits(read.y[:, joint.place], joint) for joint in _scalars(manifold)}

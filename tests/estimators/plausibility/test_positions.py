@@ -112,7 +112,7 @@ def test_a_quaternion_and_its_negative_are_one_rotation() -> None:
 
 @pytest.mark.refused("sensor log", "angles beyond the limits of a joint")
 @pytest.mark.parametrize(
-    ("factor", "expected"), [(180.0 / np.pi, "as degrees in columns 1, 2"), (-1.0, "the other sign in column 2")]
+    ("factor", "expected"), [(180.0 / np.pi, "as degrees in column"), (-1.0, "the other sign in column 2")]
 )
 def test_the_limits_of_a_joint_are_evidence_without_inputs(factor: float, expected: str) -> None:
     """Between -20 and 140 degrees, and nothing is known of the forces that moved the arm."""

@@ -29,13 +29,11 @@ import numpy as np
 
 from mathnavi.interfaces.bounds import Condition, configuration
 from mathnavi.interfaces.errors import ArgumentError, FieldError
-from mathnavi.interfaces.joint_states import UNIT
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
 
 _ROUNDING = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
-_FEW_DECIMALS = 2.0 * UNIT  # the same of a unit vector, whose length is off by half of it
 
 
 @configuration
@@ -83,7 +81,7 @@ class ConstantCurvature:
         return point
 
     def check(self, p: Array) -> Array:
-        """Project p (size,) back onto the space from where rounding has put it; on the sphere, to few decimals.
+        """Project p (size,) back onto the space from where rounding has put it.
 
         Raises ArgumentError for another shape, for numbers that are not finite, and for a point off the space.
         """
@@ -92,8 +90,7 @@ class ConstantCurvature:
             raise ArgumentError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
         square = kernels.inner(self.kappa, point, point)
         scale = max(1.0, kernels.inner(1.0, point, point))
-        rounding = _FEW_DECIMALS if self.kappa > 0.0 else _ROUNDING
-        near = abs(square - self.kappa) <= rounding * scale < math.inf
+        near = abs(square - self.kappa) <= _ROUNDING * scale < math.inf
         if self.kappa and (not near or (self.kappa < 0.0 and point[0] <= 0.0)):
             sheet = ", p_0 > 0" if self.kappa < 0.0 else ""
             raise ArgumentError(

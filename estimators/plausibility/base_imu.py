@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mathnavi.estimators.plausibility.units import DEGREES_PER_SECOND, GRAVITIES, MILLIGRAVITIES, fit_only
@@ -29,7 +30,7 @@ def misread(base: FloatingBase, start: Array, t: Array, imu: Array, feet: Array)
     """Say in which other way alone the readings ``imu`` (n, 6) at t (n,) [s] fit gravity while any of the ``feet``
     (n, k) stands, and the position (nq,) at the start; "" if they fit as they are, or in no way. NaN without a reading.
     """
-    rows = np.flatnonzero(~np.isnan(imu).any(axis=1) & _stands(feet))
+    rows = np.flatnonzero(np.isfinite(imu).all(axis=1) & _stands(feet))
     gravity = float(np.linalg.norm(base.gravity))
     if len(rows) < _FEWEST or not gravity:
         return ""
@@ -52,11 +53,12 @@ def misread(base: FloatingBase, start: Array, t: Array, imu: Array, feet: Array)
     return ""
 
 
-def _stands(feet: Array) -> Array:
+def _stands(feet: Array) -> NDArray[np.bool_]:
     """Return True (n,) from a reading of the switches with a foot that stands to the next."""
     known = ~np.isnan(feet).any(axis=1)
     last = np.maximum.accumulate(np.where(known, np.arange(len(feet)), -1))
-    return (last >= 0) & (np.nan_to_num(feet)[last] > 0.5).any(axis=1)
+    stands: NDArray[np.bool_] = (last >= 0) & (np.nan_to_num(feet)[last] > 0.5).any(axis=1)
+    return stands
 
 
 def _alike(length: float, gravity: float) -> bool:

@@ -18,6 +18,7 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from mathnavi.estimators.plausibility.base_imu import products
@@ -50,9 +51,11 @@ class _Way:
 
 
 def _in(gyro: Unit | None, accelerometer: Unit | None) -> _Way:
-    factors = [_AS_READ if unit is None else _AS_READ * unit.factor for unit in (gyro, accelerometer)]
+    turning, forces = (_AS_READ if unit is None else _AS_READ * unit.factor for unit in (gyro, accelerometer))
     columns = ((gyro, "columns 0, 1, 2, the gyro"), (accelerometer, "columns 3, 4, 5, the accelerometer"))
-    return _Way(*factors, parts=tuple((unit.name, where, unit.allowed) for unit, where in columns if unit is not None))
+    return _Way(
+        turning, forces, parts=tuple((unit.name, where, unit.allowed) for unit, where in columns if unit is not None)
+    )
 
 
 _DEGREES = _in(DEGREES_PER_SECOND, None)
@@ -132,7 +135,7 @@ class _Window:
 def _windows(t: Array, imu: Array, fixes: Array, longer: float) -> Iterator[_Window]:
     """Windows that are spread over a log, ``longer`` times the shortest."""
     fixed = np.flatnonzero(~np.isnan(fixes).any(axis=1))
-    read = ~np.isnan(imu).any(axis=1)
+    read: NDArray[np.bool_] = np.isfinite(imu).all(axis=1)
     if len(fixed) < _FIXES or not read.any():
         return
     length = longer * max(_SHORTEST, _FIXES * float(np.median(np.diff(t[fixed]))))

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +28,7 @@ from mathnavi.models.manifold.system import LagrangianSystem
 _STEPS = 8  # of the model over H
 _SHOTS = 2  # corrections of the velocity
 _SHORTEST, _LONGEST, _SHARE_OF_LOG = 4, 32, 8  # H in readings, and at most this part of a log
+_GAP = 2.0  # times the median H, of a window with a gap
 _CLEAR = 100.0  # ratio of s^2 over H to s^2 from reading to reading, at which noise does not matter
 _INFORMED = 80.0  # the same, of a coordinate
 _LONGER = 4  # times H, over which coordinates are compared that show nothing over H
@@ -46,21 +48,27 @@ class RecordedMotion:
     first: int = 0  # component of a point with which its readings begin; those before are not known
     longer: bool = False  # whether coordinates that show nothing over H are compared over longer times
 
+    @cached_property
+    def read(self) -> NDArray[np.intp]:
+        """Rows of the readings."""
+        return np.flatnonzero(np.isfinite(self.y).all(axis=1))
+
     def windows(self, stride: int, count: int) -> NDArray[np.intp]:
-        """Rows (k, 3) of readings that are ``stride`` readings apart, spread over the log."""
-        read = np.flatnonzero(~np.isnan(self.y).any(axis=1))
-        starts = len(read) - 2 * stride
-        first = np.unique(np.linspace(0, starts - 1, min(count, starts)).astype(np.intp)) if starts > 0 else []
-        return np.array([[read[a], read[a + stride], read[a + 2 * stride]] for a in first], np.intp).reshape(-1, 3)
+        """Rows (k, 3) of readings that are ``stride`` readings apart, spread over the log; none with a gap."""
+        rows = np.column_stack([self.read[: -2 * stride], self.read[stride:-stride], self.read[2 * stride :]])
+        H = np.diff(self.t[rows], axis=1)
+        rows = rows[(_GAP * np.median(H) >= H).all(axis=1) & (np.median(H) / _GAP <= H).all(axis=1)]
+        chosen = np.unique(np.linspace(0, len(rows) - 1, min(count, len(rows))).astype(np.intp))
+        return rows[chosen]
 
     @property
     def longest(self) -> int:
         """Readings of H at most."""
-        return 0 if self.first else min(_LONGEST, len(self.y) // _SHARE_OF_LOG)
+        return 0 if self.first else min(_LONGEST, len(self.read) // _SHARE_OF_LOG)
 
     def longer_than(self, stride: int) -> int:
         """Readings of a longer H than ``stride``; 0 in a log that is too short."""
-        longer = min(_LONGER * stride, len(self.y) // _SHARE_OF_LOG)
+        longer = min(_LONGER * stride, len(self.read) // _SHARE_OF_LOG)
         return longer if longer > stride else 0
 
     def stride(self, manifold: Manifold) -> int:
@@ -128,8 +136,9 @@ def _typical(motion: RecordedMotion, manifold: Manifold, stride: int, count: int
 
 def _bend(motion: RecordedMotion, manifold: Manifold, window: NDArray[np.intp]) -> Array:
     """s (n,) of one window."""
-    a, b, c = motion.y[window]
-    return manifold.coordinates(b, c) + manifold.coordinates(b, a)
+    (a, b, c), (before, after) = motion.y[window], np.diff(motion.t[window])
+    bend: Array = manifold.coordinates(b, c) + manifold.coordinates(b, a) * (after / before)
+    return bend
 
 
 def _unexplained(system: LagrangianSystem, motion: RecordedMotion, window: NDArray[np.intp]) -> Array:
@@ -145,7 +154,9 @@ def _unexplained(system: LagrangianSystem, motion: RecordedMotion, window: NDArr
     return manifold.coordinates(x, last)
 
 
-def _moved(system: LagrangianSystem, motion: RecordedMotion, x: Array, v: Array, rows: Array) -> tuple[Array, Array]:
+def _moved(
+    system: LagrangianSystem, motion: RecordedMotion, x: Array, v: Array, rows: tuple[int, int]
+) -> tuple[Array, Array]:
     """State (x, v) of the model after it moved from one row to another under the recorded inputs."""
     state, (first, last) = np.concatenate([x, v]), rows
     ends = np.unique(np.linspace(first, last, min(_STEPS, last - first) + 1).astype(np.intp))

@@ -109,7 +109,8 @@ class _Window:
         chord = forward * np.sinc(0.5 * turn / math.pi)
         steps = chord * np.array([np.cos(phi[:-1] + 0.5 * turn), np.sin(phi[:-1] + 0.5 * turn)])
         places = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
-        return np.vstack([places, phi]).T[self.rows]
+        poses: Array = np.vstack([places, phi]).T[self.rows]
+        return poses
 
 
 def _windows(t: Array, ranges: Array, odometry: Array) -> Iterator[_Window]:

@@ -13,6 +13,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.estimators.plausibility.motion import RecordedMotion, bends, speeds
 from mathnavi.estimators.plausibility.units import (
@@ -142,7 +143,7 @@ def misread(
 
 def _points_or_nan(y: Array, manifold: Manifold) -> Array:
     """Readings (N, size); rows of NaN for those that are no points."""
-    bad = ~np.isfinite(y).all(axis=1)
+    bad: NDArray[np.bool_] = np.logical_not(np.isfinite(y).all(axis=1))
     for part in quaternion_parts(manifold):
         bad |= ~(np.abs(np.linalg.norm(y[:, part], axis=1) - 1.0) <= UNIT)
     return np.where(bad[:, None], np.nan, y)

@@ -311,8 +311,8 @@ def _well_formed(log: SensorLog, sensor: Sensor) -> Array:
                 f"length of 1 +- {UNIT:g}, or a row of NaN where there is no reading"
             )
     values = scalar_first(values, parts, log.quaternions)
-    check = getattr(sensor, "check", None)
-    for k in np.flatnonzero(~np.isnan(values).any(axis=1)).tolist() if check is not None else ():
+    check: Any = getattr(sensor, "check", None)
+    for k in () if check is None else np.flatnonzero(np.isfinite(values).all(axis=1)).tolist():
         try:
             check(values[k])
         except ValueError as error:

@@ -153,3 +153,14 @@ def test_an_observer_that_is_stepped_refuses_its_first_readings() -> None:
     observer = mn.VelocityObserver(model, "high_gain", noise=NOISE, speed_max=50.0)
     with pytest.raises(mn.FieldError, match=r"y: the readings of position fit .* only as degrees"):
         [observer.step(0.005, each, command) for each, command in zip(y * [1.0, 57.29578, 57.29578], u, strict=True)]
+
+
+def test_a_long_gap_and_few_readings_are_no_evidence() -> None:
+    model, t, y, u = logged(ARM)
+    mission = mn.LagrangianMission(mn.MechanismSystem(model), mn.PositionQuality(noise=NOISE), 0.005, 50.0)
+    later = np.where(np.arange(len(t)) < 300, t, t + 20.0)
+    seldom = np.where((np.arange(len(t)) % 100 == 0)[:, None], y, np.nan)
+    for times, read in ((later, y), (t, seldom), (t, np.full_like(y, np.nan)), (t, np.zeros_like(y))):
+        assert len(mn.estimate("high_gain", mission, mn.SensorLog(times, {"position": read}, u)).x) == len(t)
+    with pytest.raises(mn.LogError, match="only as degrees"):
+        mn.estimate("high_gain", mission, mn.SensorLog(later, {"position": y * [1.0, 57.2958, 57.2958]}, u))

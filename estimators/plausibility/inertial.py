@@ -135,7 +135,7 @@ class _Window:
 def _windows(t: Array, imu: Array, fixes: Array, longer: float) -> Iterator[_Window]:
     """Windows that are spread over a log, ``longer`` times the shortest."""
     fixed = np.flatnonzero(~np.isnan(fixes).any(axis=1))
-    read: NDArray[np.bool_] = np.isfinite(imu).all(axis=1)
+    read: NDArray[np.bool_] = np.logical_not(np.isnan(imu).any(axis=1))
     if len(fixed) < _FIXES or not read.any():
         return
     length = longer * max(_SHORTEST, _FIXES * float(np.median(np.diff(t[fixed]))))

@@ -131,7 +131,8 @@ def speeds(system: LagrangianSystem, motion: RecordedMotion, stride: int, count:
 def _typical(motion: RecordedMotion, manifold: Manifold, stride: int, count: int = 40) -> Array:
     """Typical s^2 (n,) in windows of 2 ``stride`` readings: few outliers do not matter."""
     s = [_bend(motion, manifold, window) for window in motion.windows(stride, count)]
-    return np.maximum(np.quantile(np.square(s), 0.75, axis=0), np.finfo(float).tiny)
+    typical: Array = np.maximum(np.quantile(np.square(s), 0.75, axis=0), np.finfo(float).tiny)
+    return typical
 
 
 def _bend(motion: RecordedMotion, manifold: Manifold, window: NDArray[np.intp]) -> Array:

@@ -76,7 +76,7 @@ def misread(mission: RangingMission, t: Array, ranges: Array, odometry: Array) -
     """Say in which other way alone the ``ranges`` (n, l) [m] at t (n,) [s] fit the wall along the path of the
     ``odometry`` (n, 2) [m/s, rad/s]; "" if they fit as they are, or in no way. NaN where there is no reading.
     """
-    windows = list(_windows(t, ranges, odometry))
+    windows = list(_windows(t, np.where(np.isfinite(ranges), ranges, np.nan), odometry))
     if not windows:
         return ""
     noise = max(LEAST_NOISE, math.hypot(mission.ranging.absolute, mission.ranging.relative * _size(mission.curve)))
@@ -148,6 +148,7 @@ class _Search:
             np.linspace(low, high, count + 2)[1:-1] for low, high in zip(corners.min(0), corners.max(0), strict=True)
         ]
         places = [(x, y) for x in axes[0] for y in axes[1] if self.curve.contains(np.array([x, y]))]
+        places = places or [tuple(self.curve.centre.tolist())]
         turns = np.linspace(0.0, 2.0 * math.pi, _HEADINGS * self.denser, endpoint=False)
         starts = np.array([(x, y, phi) for x, y in places for phi in turns])
         object.__setattr__(self, "starts", starts)

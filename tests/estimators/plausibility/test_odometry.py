@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.estimators.plausibility.checks import FirstReadings
 from mathnavi.interfaces.signals import Array
 
 DT, WALL, ANGLES = 0.05, mn.ellipse(3.0, 2.0), (0.0, 1.2)
@@ -57,3 +59,28 @@ def test_units_and_signs_of_odometry_are_found_by_the_ranges(
     with pytest.raises(mn.LogError, match="the readings of ranges and odometry fit the wall only") as error:
         mn.estimate("range_ekf", MISSION, log)
     assert expected in str(error.value)
+
+
+def test_a_robot_at_rest_rays_that_meet_nothing_and_few_readings_are_no_evidence() -> None:
+    t, measured, odometry = driven()
+    endless = np.where(np.arange(len(t))[:, None] % 5 == 0, np.inf, measured)
+    seldom = np.where((np.arange(len(t)) % 60 == 0)[:, None], measured, np.nan)
+    still = np.tile(measured[:1], (len(t), 1))
+    for ranges, wheels in ((endless, odometry), (seldom, odometry), (still, 0.0 * odometry)):
+        log = mn.SensorLog(t, {"ranges": ranges, "odometry": wheels})
+        assert mn.estimate("range_ekf", MISSION, log).x.shape == (200, 3)
+
+
+def test_an_observer_that_is_stepped_refuses_its_first_readings() -> None:
+    t, measured, odometry = driven()
+    check = FirstReadings(MISSION)
+    said = [check.misread(*reading, odometry[0]) for reading in _readings(t, measured, odometry * [1.0, 57.3])]
+    assert said[127] == ""
+    assert "only as deg/s in column 1 of odometry" in said[-1]
+
+
+def _readings(t: Array, ranges: Array, odometry: Array) -> Iterator[tuple[float, dict[str, Array]]]:
+    """Readings by time, again and again, until a check has had the time to end."""
+    for k in range(700):
+        row = k % len(t)
+        yield DT * k, {"ranges": ranges[row], "odometry": odometry[row]}

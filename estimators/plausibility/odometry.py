@@ -148,7 +148,8 @@ class _Search:
             np.linspace(low, high, count + 2)[1:-1] for low, high in zip(corners.min(0), corners.max(0), strict=True)
         ]
         places = [(x, y) for x in axes[0] for y in axes[1] if self.curve.contains(np.array([x, y]))]
-        places = places or [tuple(self.curve.centre.tolist())]
+        if not places:
+            places.append((self.curve.centre[0], self.curve.centre[1]))
         turns = np.linspace(0.0, 2.0 * math.pi, _HEADINGS * self.denser, endpoint=False)
         starts = np.array([(x, y, phi) for x, y in places for phi in turns])
         object.__setattr__(self, "starts", starts)

@@ -45,6 +45,7 @@ _NEARBY = 1.1  # a factor so near does not fit much better than that of a unit
 _FEW = 3  # joints, each of which is tried
 _GEARED = math.pi  # [rad] over which the readings of a hinge with a gear move
 _AS_GOOD = 2.0  # times the least that is left unexplained: the likelier way is taken
+_PROMISING = 2.0 * _EXPLAINED  # share in few windows
 _QUICK, _FULL = 10, 40  # windows to compare ways by, and to decide by
 _ROUNDS, _BETTER = 4, 0.8  # joints that are read in different ways, each of which removes a fifth of what is left
 
@@ -222,7 +223,7 @@ def _by_motion(mission: LagrangianMission, motion: RecordedMotion, as_is: _Fit, 
         fits.append((yield from _one_by_one(mission, motion, as_is)))
     least = min(map(_total, fits), default=0.0)
     for each in fits:
-        if each.explained and _total(each) <= _AS_GOOD * least:
+        if each.worst <= _PROMISING and _total(each) <= _AS_GOOD * least:
             full = yield from _fit(mission, motion, each.way, _FULL)
             if full.explained and not full.beyond and (yield from _is_unit(mission, motion, full)):
                 return full

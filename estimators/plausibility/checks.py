@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Any
 
@@ -13,7 +13,7 @@ from mathnavi.estimators.plausibility import base_imu, inertial, positions
 from mathnavi.estimators.plausibility import odometry as odometry_check
 from mathnavi.estimators.plausibility.motion import RecordedMotion
 from mathnavi.interfaces.joint_states import QuaternionOrder
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.floating_base import FEET, IMU, JOINT_POSITIONS, JOINTS
 from mathnavi.models.mechanism.system import MechanismSystem
@@ -109,6 +109,11 @@ class FirstReadings:
         self._checks = 0  # that have begun
         self._steps: _Steps | None = None  # of the last one
         self._running: Iterator[None] = iter(())
+
+    def judged(self, estimate: Estimate, readings: Mapping[str, Array], u: Array) -> Estimate:
+        """Return an estimate, lost once its readings are found wrong; arguments as of ``misread``."""
+        said = self.misread(estimate.t, readings, u)
+        return replace(estimate, status=Status.LOST, message=f"finds that {said}") if said else estimate
 
     def misread(self, t: float, readings: Mapping[str, Array], u: Array) -> str:
         """Say what is wrong with the readings up to now, "" for nothing; u (nu,) was held until t [s].

@@ -93,6 +93,7 @@ class SensorLog:
         inputs: Sequence[str] = (),
         time_unit: str | None = None,
         units: Mapping[str, str] | None = None,
+        quaternions: QuaternionOrder = "wxyz",
         sep: str = ",",
         decimal: str = ".",
         thousands: str | None = None,
@@ -109,7 +110,8 @@ class SensorLog:
 
         Numbers are converted from ``units``, "deg" by the name of the column, or from the unit in brackets, "q1 [deg]",
         or in a row of units; without any they are in SI units. ``time_unit`` is "s", "ms", "us" or "ns", or "iso" for
-        dates of ISO 8601. Times since an epoch are counted from the first, which is ``start``.
+        dates of ISO 8601. Times since an epoch are counted from the first, which is ``start``. ``quaternions`` is the
+        order in which those of the readings come.
 
         ``sep``, ``decimal``, ``thousands``, ``encoding``, ``comment``, ``skiprows``, ``names`` and ``na_values`` are
         those of ``pandas.read_csv``.
@@ -131,7 +133,7 @@ class SensorLog:
             row, column = places[0]
             where = f"{path} line {found.lines[row]}, column {found.names[first + column]!r}: {given[row, column]}"
             raise LogError(f"{where}; allowed: finite inputs")
-        return SensorLog(found.t, parts, given, str(path), found.start, found.notes)
+        return SensorLog(found.t, parts, given, str(path), found.start, found.notes, quaternions)
 
     def _rows(self, values: ArrayLike, name: str, count: int) -> Array:
         rows = _array(values, f"{self.source}: {name}", 2)
@@ -213,12 +215,15 @@ class EstimateHistory:
         return html_table(*self._table())
 
 
-def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog, **fields: Any) -> EstimateHistory:
+def estimate(
+    method: str | PluginSpec | type[Any], mission: Any, log: SensorLog, *, trust_units: bool = False, **fields: Any
+) -> EstimateHistory:
     """Run an estimator over a log.
 
     ``method`` is any plug-in of ``mathnavi list estimators``, its class, or ``plugin(NAME, ...)``, and ``fields`` are
     its fields. ``mission`` describes the vehicle and its sensors, as ``RangingMission(wall, angles, ...)`` does; its
-    period must be about that of the log.
+    period must be about that of the log. Readings that fit the mission only in another unit, with another sign or in
+    another order of quaternions are refused, unless ``trust_units`` says that they are right and the mission is not.
 
     Raises PluginError for a method that is unknown, does not fit the mission or fails, FieldError for a field or a
     value that is not allowed, and LogError for a log without readings that the method needs, with malformed ones, or
@@ -242,8 +247,9 @@ def estimate(method: str | PluginSpec | type[Any], mission: Any, log: SensorLog,
     if len(log.t) > 1:
         _check_period(log, float(estimator.period), name)
     from_each = np.vstack([commands[1:], commands[-1:]])
-    if said := finished(misread(mission, Recording(log.t, readings, from_each, log.quaternions))):
-        raise LogError(f"{log.source}: {said}")
+    check = misread(mission, Recording(log.t, readings, from_each, log.quaternions))
+    if not trust_units and (said := finished(check)):
+        raise LogError(f"{log.source}: {said}; trust_units=True takes them as they are")
     found_at: list[Estimate] = []
     for k, t in enumerate(log.t.tolist()):
         rows = ((each, values[k]) for each, values in readings.items())

@@ -27,6 +27,7 @@ from mathnavi.sim.engine.log import Recording
 
 TIMING = "timing.json"
 DELAYS = "delays.json"
+_LEAST_SHARE = 1e-4  # of a period that is shown as a number
 LATENCY = "latency"
 """key in config.json of a run in which plans took simulated time"""
 
@@ -137,12 +138,16 @@ def timing_table(timing: Timing) -> tuple[tuple[str, ...], list[tuple[str, ...]]
                 component,
                 *((vehicle,) if fleet else ()),
                 *map(duration_text, (figures.median_s, figures.p99_s, figures.worst_s, figures.period_s)),
-                f"{_digits(100.0 * figures.period_share)} %",
+                _percent(figures.period_share),
                 str(figures.longer),
             )
             for component, (vehicle, figures) in busiest.items()
         ],
     )
+
+
+def _percent(share: float) -> str:
+    return f"{_digits(100.0 * share)} %" if share >= _LEAST_SHARE else f"< {_digits(100.0 * _LEAST_SHARE)} %"
 
 
 def slow_components(timing: Timing, *, on_the_whole: bool = False) -> dict[str, str]:

@@ -67,8 +67,8 @@ class ArmVelocityConfig(LagrangianFields):
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """factor of the last link's true mass over the mass in the observer's model"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()
-    """initial position and velocity, in the order of the state, (w, x, y, z) of a quaternion; those of the first keyframe,
-    or qpos0 at rest, if not given"""
+    """initial position and velocity, in the order of the state, (w, x, y, z) of a quaternion; those of the first
+    keyframe, or qpos0 at rest, if not given"""
 
 
 class ArmVelocity:

@@ -24,6 +24,7 @@ from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import TOGETHER, ValueName
+from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.reading.table_format import TableFormat, names_in
 from mathnavi.interfaces.writing import write_together
 from mathnavi.sim.plugin.named_object import named_object
@@ -32,7 +33,7 @@ from mathnavi.sim.records.files import npz_bytes
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
 ARRAYS, TABLE = "estimates.npz", "estimates.csv"
-_ADVISED = "sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units"
+_ADVISED = "sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units|trust_units"
 _ARGUMENT = re.compile(rf"\b({_ADVISED})=(\{{.*?\}}|\[.*?\]|'.*?'|\w+)")
 
 
@@ -53,6 +54,10 @@ class EstimateLogOptions:
     """unit of the times, s, ms, us, ns, or iso for dates; that in the column's name, else s, if not given"""
     units: Annotated[tuple[str, ...], TOGETHER, ValueName("COLUMN=UNIT...")] = ()
     """units of columns, as deg or mm; those in brackets in their names, else SI units, if not given"""
+    quaternions: QuaternionOrder = "wxyz"
+    """order of the quaternions in the readings, with the scalar first or last"""
+    trust_units: bool = False
+    """whether to take readings as they are that fit the mission in another unit or with another sign only"""
     out: Path | None = None
     """folder of the estimates; FILE-ESTIMATOR next to FILE if not given"""
     wall_deadline: WallDeadline | None = None
@@ -86,7 +91,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
             log = _log(path, options, form)
             for note in log.notes:
                 print_note(errors, f"{path}: {note}")
-            found = estimate(PluginSpec(plugin, fields), mission, log)
+            found = estimate(PluginSpec(plugin, fields), mission, log, trust_units=options.trust_units)
         except (ValueError, OSError) as error:
             raise BadInputError(_with_flags(with_flag(worded(error), known))) from error
         write_together(dict(zip(files, _contents(found, log), strict=True)))
@@ -104,6 +109,7 @@ def _log(path: Path, options: EstimateLogOptions, form: TableFormat) -> SensorLo
         inputs=names_in(options.inputs),
         time_unit=options.time_unit,
         units=_pairs("--units", options.units),
+        quaternions=options.quaternions,
         **{name: getattr(form, name) for name in form.__dataclass_fields__},
     )
 
@@ -123,7 +129,7 @@ def _pairs(flag: str, words: Sequence[str]) -> dict[str, str]:
 
 def _with_flags(message: str) -> str:
     """Return a message with flags in place of the arguments that it advises: --sep ';' for sep=';'."""
-    return _ARGUMENT.sub(lambda found: f"--{found[1].replace('_', '-')} {_as_words(found[2])}", message)
+    return _ARGUMENT.sub(lambda found: f"--{found[1].replace('_', '-')} {_as_words(found[2])}".rstrip(), message)
 
 
 def _as_words(value: str) -> str:
@@ -133,6 +139,8 @@ def _as_words(value: str) -> str:
         return f"{shlex.quote(name.strip(chr(39)))}={unit.strip(chr(39))}"
     if value.startswith("["):
         return value[1:-1]
+    if value == "True":  # of a flag that is yes or no
+        return ""
     return shlex.quote(value.strip("'"))
 
 

@@ -77,7 +77,8 @@ class PoseObserver:
     those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_iekf,
     range_ukf, range_particle or range_observer, and ``fields`` are its fields. ``range_noise`` [m] and
     ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start if
-    it is known, and ``period`` [s] the usual length of a step.
+    it is known, and ``period`` [s] the usual length of a step. ``trust_units`` says that readings are right that fit
+    the wall in another unit or with another sign only.
 
     Raises PluginError for an unknown method, FieldError for a field or a value that is not allowed.
     """
@@ -92,6 +93,7 @@ class PoseObserver:
         odometry_noise: tuple[float, float] = (0.02, 0.02),
         start: tuple[float, float, float] | None = None,
         period: float = 0.01,
+        trust_units: bool = False,
         **fields: Any,
     ) -> None:
         with raising(FieldError):
@@ -107,7 +109,7 @@ class PoseObserver:
             spec = PluginSpec(found, configured(found.Config(), fields))
             self._estimator: Estimator = checked_estimator(spec, mission)
         self._mission, self._method, self._t = mission, method, 0.0
-        self._first_readings = FirstReadings(mission)
+        self._first_readings = None if trust_units else FirstReadings(mission)
 
     def step(self, dt: float, ranges: ArrayLike | None, odometry: ArrayLike) -> PoseEstimate:
         """Return the estimate at the end of a step of dt [s].
@@ -115,8 +117,10 @@ class PoseObserver:
         ``ranges`` (l,) [m] are read at its end, NaN where a ray was lost; None if all were. ``odometry`` (2,) [m/s,
         rad/s] is the mean speed and turn rate over the step, as the wheels measure it.
 
-        Raises FieldError for a dt that is negative, for arrays of another shape, and once the first readings have shown
-        that they fit the wall only in another unit or with another sign.
+        Once the first readings have shown that they fit the wall only in another unit or with another sign, every
+        estimate is LOST, and its message says so.
+
+        Raises FieldError for a dt that is negative, and for arrays of another shape.
         """
         count = self._mission.sensors
         if not (np.isfinite(dt) and dt >= 0.0):
@@ -126,10 +130,11 @@ class PoseObserver:
         if u.shape != (2,) or rho.shape != (count,) or not np.isfinite(u).all():
             raise FieldError(f"ranges {rho.shape}, odometry {u.tolist()}; allowed: ({count},) and two finite numbers")
         self._t += float(dt)
-        if said := self._first_readings.misread(self._t, {"ranges": rho, "odometry": u}, u):
-            raise FieldError(said)
         readings = [Measurement("ranges", self._t, rho), Measurement("odometry", self._t, u)]
-        return PoseEstimate(self._estimator.update(self._t, readings, u))
+        estimate = self._estimator.update(self._t, readings, u)
+        if self._first_readings is not None:
+            estimate = self._first_readings.judged(estimate, {"ranges": rho, "odometry": u}, u)
+        return PoseEstimate(estimate)
 
     def __repr__(self) -> str:
         rows = [("wall", self._mission.curve.name, ""), ("sensors", str(self._mission.sensors), "")]

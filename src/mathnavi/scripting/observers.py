@@ -84,6 +84,7 @@ class LagrangianObserver:
         noise: float,
         speed_max: float,
         quaternions: QuaternionOrder,
+        trust_units: bool,
         fields: Any,
     ) -> None:
         check_quaternion_order(quaternions)
@@ -94,7 +95,7 @@ class LagrangianObserver:
             self._estimator: Estimator = checked_estimator(spec, mission)
         self._system, self._method, self._t = system, method, 0.0
         self._quaternions = quaternions
-        self._first_readings = FirstReadings(mission, quaternions)
+        self._first_readings = None if trust_units else FirstReadings(mission, quaternions)
 
     @property
     def system(self) -> LagrangianSystem:
@@ -107,9 +108,11 @@ class LagrangianObserver:
         y (size,) is the position read at its end, None if the reading was lost. The first step starts the observer at
         its reading, with zero velocity. u is zero if not given.
 
-        Raises FieldError for a dt that is negative, for y or u of another shape, and once the first readings have shown
-        that they fit the system only in another unit, with another sign or with the scalar of their quaternions last. A
-        y that is not finite, or not a point of the manifold, is a reading that was lost.
+        Once the first readings have shown that they fit the system only in another unit, with another sign or with the
+        scalar of their quaternions last, every estimate is LOST, and its message says so. A y that is not finite, or
+        not a point of the manifold, is a reading that was lost.
+
+        Raises FieldError for a dt that is negative, and for y or u of another shape.
         """
         system, n = self._system, len(self._system.inputs)
         if not (np.isfinite(dt) and dt >= 0.0):
@@ -126,9 +129,9 @@ class LagrangianObserver:
                 raise FieldError(f"y has shape {point.shape}; allowed on {name}: ({size},)")
             point = scalar_first(point, quaternion_parts(system.manifold), self._quaternions)
             readings.append(Measurement(POSITION, self._t, point))
-        if said := self._first_readings.misread(self._t, {POSITION: point}, command):
-            raise FieldError(f"y: {said}")
         estimate = self._estimator.update(self._t, readings, command)
+        if self._first_readings is not None:
+            estimate = self._first_readings.judged(estimate, {POSITION: point}, command)
         size = system.manifold.size
         return MotionEstimate(estimate, estimate.x[:size], estimate.x[size:], tuple(system.states))
 
@@ -150,7 +153,8 @@ class IntrinsicObserver(LagrangianObserver):
 
     ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the other fields of the
     plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading, ``speed_max`` the
-    highest |v|, by which outliers are rejected; without it none are. ``quaternions`` is the order of those in y.
+    highest |v|, by which outliers are rejected; without it none are. ``quaternions`` is the order of those in y, and
+    ``trust_units`` says that they are right where they fit the system in another unit or with another sign only.
 
     Raises FieldError for a field or a value that is not allowed.
     """
@@ -164,6 +168,7 @@ class IntrinsicObserver(LagrangianObserver):
         noise: float = 0.0,
         speed_max: float = ANY_SPEED,
         quaternions: QuaternionOrder = "wxyz",
+        trust_units: bool = False,
         **fields: Any,
     ) -> None:
         if isinstance(where, ConstantCurvature):
@@ -173,8 +178,9 @@ class IntrinsicObserver(LagrangianObserver):
         else:
             raise FieldError("potential: allowed with a space of constant curvature; a system has its own forces")
         super().__init__(
-            system, "riemannian_observer", noise, speed_max, quaternions, {"bandwidth": bandwidth, **fields}
-        )
+            system, "riemannian_observer", noise, speed_max, quaternions, trust_units,
+            {"bandwidth": bandwidth, **fields},
+        )  # fmt: skip
 
 
 class VelocityObserver(LagrangianObserver):
@@ -184,8 +190,8 @@ class VelocityObserver(LagrangianObserver):
     ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
 
     ``method`` is a plug-in: riemannian_observer, high_gain, momentum_observer, lagrangian_ekf, lagrangian_ukf or
-    filtered_differences, and ``fields`` are its fields. ``noise`` [rad, m], ``speed_max`` and ``quaternions`` are those
-    of an ``IntrinsicObserver``.
+    filtered_differences, and ``fields`` are its fields. ``noise`` [rad, m], ``speed_max``, ``quaternions`` and
+    ``trust_units`` are those of an ``IntrinsicObserver``.
 
     Raises FieldError for a model that is not such a mechanism and for a field or a value that is not allowed,
     PluginError for an unknown method.
@@ -199,12 +205,13 @@ class VelocityObserver(LagrangianObserver):
         noise: float = 0.0,
         speed_max: float = ANY_SPEED,
         quaternions: QuaternionOrder = "wxyz",
+        trust_units: bool = False,
         **fields: Any,
     ) -> None:
         with raising(FieldError):
             model = mechanism if isinstance(mechanism, mujoco.MjModel) else build_model(mechanism)
             system = MechanismSystem(model)
-        super().__init__(system, method, noise, speed_max, quaternions, fields)
+        super().__init__(system, method, noise, speed_max, quaternions, trust_units, fields)
 
 
 def _no_potential(p: casadi.SX) -> casadi.SX:

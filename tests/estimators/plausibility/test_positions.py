@@ -123,6 +123,7 @@ def test_the_limits_of_a_joint_are_evidence_without_inputs(factor: float, expect
     with pytest.raises(mn.LogError, match="fit the limits of joint elbow only") as error:
         mn.estimate("high_gain", mission, mn.SensorLog(t, {"position": y}))
     assert expected in str(error.value)
+    assert len(mn.estimate("high_gain", mission, mn.SensorLog(t, {"position": y}), trust_units=True).x) == len(t)
 
 
 @pytest.mark.parametrize("load", [0.3, 2.0])
@@ -145,14 +146,20 @@ def test_a_quaternion_of_another_length_is_refused_with_its_place() -> None:
     assert said(BODY, lambda y: y.round(3)) == ""
 
 
-def test_an_observer_that_is_stepped_refuses_its_first_readings() -> None:
+def test_an_observer_that_is_stepped_says_what_its_first_readings_are() -> None:
     model, t, y, u = logged(ARM)
     observer = mn.VelocityObserver(model, "high_gain", noise=NOISE, speed_max=50.0)
     for k in range(len(t)):
         assert observer.step(0.005 * bool(k), y[k], u[k - 1] if k else None).status is mn.Status.OK or k < 100
     observer = mn.VelocityObserver(model, "high_gain", noise=NOISE, speed_max=50.0)
-    with pytest.raises(mn.FieldError, match=r"y: the readings of position fit .* only as degrees"):
-        [observer.step(0.005, each, command) for each, command in zip(y * [1.0, 57.29578, 57.29578], u, strict=True)]
+    found = [
+        observer.step(0.005, each, command) for each, command in zip(y * [1.0, 57.29578, 57.29578], u, strict=True)
+    ]
+    assert found[-1].status is mn.Status.LOST
+    assert "it finds that the readings of position fit" in repr(found[-1])
+    assert "only as degrees" in repr(found[-1])
+    trusting = mn.VelocityObserver(model, "high_gain", noise=NOISE, trust_units=True)
+    assert [trusting.step(0.005, each).status for each in y * 57.29578][-1] is not mn.Status.LOST
 
 
 def test_a_long_gap_and_few_readings_are_no_evidence() -> None:

@@ -14,7 +14,8 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 
-_PREFIX = "unused_"
+COUNTS = "unused"
+"""name of their array in ``Estimate.extra``, numbers so far in the order of ``Unused``"""
 
 
 class Unused(Enum):
@@ -28,31 +29,25 @@ class Unused(Enum):
     UNKNOWN_SENSOR = "unknown sensor"
     NOT_FINITE = "not finite"
 
-    @property
-    def key(self) -> str:
-        """Name of its array in ``Estimate.extra``: "unused_outlier"."""
-        return _PREFIX + self.name.lower()
-
 
 class ReadingCounts:
     """Numbers of readings that were not used, since the start."""
 
     def __init__(self) -> None:
         self._counts = dict.fromkeys(Unused, 0)
-        self.extra: Mapping[str, Array] = {reason.key: _read_only(0) for reason in Unused}
-        """read-only array (1,) for each reason, the number so far"""
+        self.extra: Mapping[str, Array] = self._extra()
+        """read-only array of the numbers so far, by the name ``COUNTS``"""
 
     def add(self, reason: Unused, count: int = 1) -> None:
         """Count readings that were not used."""
         if count:
             self._counts[reason] += count
-            self.extra = {**self.extra, reason.key: _read_only(self._counts[reason])}
+            self.extra = self._extra()
 
-
-def _read_only(count: int) -> Array:
-    array = np.array([float(count)])
-    array.setflags(write=False)
-    return array
+    def _extra(self) -> Mapping[str, Array]:
+        counts = np.array(list(self._counts.values()), dtype=np.float64)
+        counts.setflags(write=False)
+        return {COUNTS: counts}
 
 
 def unused_in(extra: Mapping[str, Array]) -> dict[str, int] | None:
@@ -60,8 +55,10 @@ def unused_in(extra: Mapping[str, Array]) -> dict[str, int] | None:
 
     None for an estimator that does not count.
     """
-    counted = {reason.value: int(extra[reason.key][-1]) for reason in Unused if reason.key in extra}
-    return {word: count for word, count in counted.items() if count} if counted else None
+    if COUNTS not in extra:
+        return None
+    last = extra[COUNTS].reshape(-1, len(Unused))[-1].tolist()
+    return {reason.value: int(count) for reason, count in zip(Unused, last, strict=True) if count}
 
 
 def unused_text(counts: Mapping[str, int]) -> str:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
 from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms, first_covariance
+from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
@@ -169,7 +170,7 @@ def test_a_fix_from_the_past_is_counted_and_changes_nothing_and_an_estimate_of_t
     filter_.update(1.0, [], np.zeros(3))
     estimate = filter_.update(1.0, [fix(0.5, np.zeros(3))], np.zeros(3))
     np.testing.assert_array_equal(estimate.x[:3], mission.start)
-    assert estimate.extra["unused_late"] == 1.0
+    assert unused_in(estimate.extra) == {Unused.LATE.value: 1}
     with pytest.raises(ValueError, match=r"0\.5.*already"):
         filter_.update(0.5, [], np.zeros(3))
 

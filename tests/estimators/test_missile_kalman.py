@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.missile_kalman import MissileKalman, MissileKalmanConfig, disturbing_input, transition
+from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
@@ -145,7 +146,7 @@ def test_a_reading_from_the_past_is_counted_and_one_of_another_shape_refused() -
     filter_.update(1.0, [], np.zeros(3))
     estimate = filter_.update(1.1, [Measurement("full_state", 0.5, np.zeros(6))], np.zeros(3))
     assert estimate.status is Status.INITIALISING
-    assert estimate.extra["unused_late"] == 1.0
+    assert unused_in(estimate.extra) == {Unused.LATE.value: 1}
     with pytest.raises(ValueError, match=r"\(6,\)"):
         filter_.update(1.1, [Measurement("full_state", 1.1, np.zeros((6, 1)))], np.zeros(3))
 

@@ -14,7 +14,7 @@ from mathnavi.estimators.ranging.model import (
     RangeModel,
     chi_square_gate,
 )
-from mathnavi.interfaces.reading_counts import ReadingCounts
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused, unused_in
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
@@ -114,7 +114,7 @@ def test_rays_within_the_gate_pass_and_single_ones_beyond_do_not_and_are_counted
     gate = Gate(1e-4, 3, counts)
     assert passed(gate, 0.0, 0.99 * LIMIT, 1.01 * LIMIT) == [True, True, False]
     assert passed(gate, math.nan, 1.01 * LIMIT, 0.0) == [False, False, True]
-    assert counts.extra["unused_outlier"] == 2.0
+    assert unused_in(counts.extra) == {Unused.OUTLIER.value: 2}
 
 
 def test_after_a_gap_rays_agree_once_they_fit_in_the_mean() -> None:

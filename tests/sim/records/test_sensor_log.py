@@ -11,6 +11,7 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.reading_counts import COUNTS
 from mathnavi.interfaces.signals import Array, Estimate, Status
 
 WALL, ANGLES, DT = mn.ellipse(3.0, 2.0), (0.0, 1.5), 0.05
@@ -170,7 +171,7 @@ def test_readings_that_are_not_used_are_counted_by_reason_and_said() -> None:
     readings = {"ranges": ranges, "odometry": u, "sonar": u[:, :1]}
     found = mn.estimate("range_iekf", MISSION, good(readings=readings, inputs=U))
     assert found.unused == {"outlier": 2, "out of range": 3, "unknown sensor": 60}
-    np.testing.assert_array_equal(found.extra["unused_out_of_range"][[4, 5, 7, 8, 9], 0], [0, 1, 1, 2, 3])
+    np.testing.assert_array_equal(found.extra[COUNTS][[4, 5, 7, 8, 9], 1], [0, 1, 1, 2, 3])
     assert "readings not used  2 outlier, 3 out of range" in repr(found)
     assert "60 of sonar" in found._repr_html_()
     assert "not used" not in repr(mn.estimate("range_iekf", MISSION, good()))

@@ -15,7 +15,7 @@ from mathnavi.commands.command_line import read_command_line
 from mathnavi.commands.render import RenderOptions
 from mathnavi.commands.run import RunOptions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.renders import clip, optimum, video
+from mathnavi.renders import clip, optimum
 from mathnavi.renders.gallery import __main__ as program
 from mathnavi.renders.gallery.table import (
     HERE,
@@ -54,7 +54,7 @@ def test_pictures_are_small_enough_and_as_large_as_they_should_be() -> None:
         assert size <= (clip.MOST_BYTES if name in CLIPS else MOST_OF_A_STILL), name
         with Image.open(HERE / name) as picture:
             if ENTRIES[name].commands[-1][1] == "render":
-                assert picture.size == ((clip.WIDTH, clip.HEIGHT) if name in CLIPS else (video.WIDTH, video.HEIGHT))
+                assert picture.size == ((clip.WIDTH, clip.HEIGHT) if name in CLIPS else (1280, 720))
             else:
                 assert min(picture.size) >= 480, name
     assert sum((HERE / name).stat().st_size for name in CLIPS) <= MOST_OF_CLIPS

@@ -37,7 +37,7 @@ PALETTE, DITHER = "stats_mode=single", "new=1:dither=none"
 
 @dataclass(frozen=True)
 class VideoFormat:
-    """Format of a video: what it may hold, and how large and how fast it is if nothing else is said."""
+    """Format of a video: its codecs, and its default size and rate."""
 
     container: str  # of FFmpeg
     options: dict[str, str]  # of the container
@@ -56,7 +56,7 @@ FORMATS = {
     ".gif": VideoFormat("gif", _FOREVER, "gif", size=(640, 360), fps=12, fastest=50),
     ".webp": VideoFormat("webp", _FOREVER, "webp", size=(640, 360), fps=12, fastest=50),
 }
-"""formats by the endings of their files; GIF and WebP play over and over, and are as a clip is if nothing is said"""
+"""formats by the endings of their files; GIF and WebP play in a loop, by default as a clip"""
 
 
 def checked_codec(codec: str | None, ending: str) -> str:

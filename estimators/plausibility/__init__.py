@@ -1,4 +1,4 @@
-"""Readings of a log beside what its mission knows: units, signs, scales and the order of quaternions.
+"""Checks of the readings of a log against its mission: units, signs, scales and the order of quaternions.
 
 A log of one's own may hold degrees where radians are meant, counts of an encoder that turns the other way, or
 quaternions with the scalar last. An estimator is lost with them, or wrong without a word. Here each reading is compared

@@ -27,8 +27,9 @@ _GYRO, _ACCELEROMETER = "columns 0, 1, 2, the gyro", "columns 3, 4, 5, the accel
 
 
 def misread(base: FloatingBase, start: Array, t: Array, imu: Array, feet: Array) -> str:
-    """Say in which other way alone the readings ``imu`` (n, 6) at t (n,) [s] fit gravity while any of the ``feet``
-    (n, k) stands, and the position (nq,) at the start; "" if they fit as they are, or in no way. NaN without a reading.
+    """Return the only other way in which the readings ``imu`` (n, 6) at t (n,) [s] fit gravity while any of the
+    ``feet`` (n, k) stands, and the position (nq,) at the start; "" if they fit unchanged, or not at all. NaN without a
+    reading.
     """
     rows = np.flatnonzero(np.isfinite(imu).all(axis=1) & _stands(feet))
     gravity = float(np.linalg.norm(base.gravity))

@@ -39,7 +39,7 @@ class Recording:
 
 @singledispatch
 def misread(mission: Any, recording: Recording) -> Check:
-    """Say in which other way alone the readings fit the mission; "" if they fit as they are, or in no way."""
+    """Return the only other way in which the readings fit the mission; "" if they fit unchanged, or not at all."""
     yield from ()
     return ""
 

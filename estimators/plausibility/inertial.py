@@ -1,4 +1,4 @@
-"""Readings of an IMU beside the position fixes of the same vehicle.
+"""Check of an IMU against the position fixes of the same vehicle.
 
 Over a window the gyro's rates give the rotation D since its start, and the fixes lie on
 
@@ -71,8 +71,8 @@ _OTHER_AXES = (
 
 
 def misread(mission: QuadrotorMission, t: Array, imu: Array, fixes: Array) -> Generator[None, None, str]:
-    """Say in which other way alone the readings ``imu`` (n, 6) [rad/s, m/s^2] fit the position ``fixes`` (n, 3) [m] at
-    t (n,) [s] and the attitude at the start that the mission states; "" if they fit as they are, or in no way.
+    """Return the only other way in which the readings ``imu`` (n, 6) [rad/s, m/s^2] fit the position ``fixes`` (n, 3)
+    [m] at t (n,) [s] and the attitude at the start that the mission states; "" if they fit unchanged, or not at all.
     """
     for longer in _LONGER:
         windows = list(_windows(t, imu, fixes, longer))

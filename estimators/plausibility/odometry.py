@@ -1,4 +1,4 @@
-"""Readings of ranges and odometry of a unicycle within a wall, beside each other.
+"""Check of the ranges and the odometry of a unicycle within a wall against each other.
 
 Over a window the odometry gives the path up to its start; the start, three numbers that are not known, is the one from
 which the rays along the path are nearest to the ranges. It is searched from many poses, and then by least squares. A
@@ -73,8 +73,8 @@ _WAYS = (
 
 
 def misread(mission: RangingMission, t: Array, ranges: Array, odometry: Array) -> Generator[None, None, str]:
-    """Say in which other way alone the ``ranges`` (n, l) [m] at t (n,) [s] fit the wall along the path of the
-    ``odometry`` (n, 2) [m/s, rad/s]; "" if they fit as they are, or in no way. NaN where there is no reading.
+    """Return the only other way in which the ``ranges`` (n, l) [m] at t (n,) [s] fit the wall along the path of the
+    ``odometry`` (n, 2) [m/s, rad/s]; "" if they fit unchanged, or not at all. NaN where there is no reading.
     """
     windows = list(_windows(t, np.where(np.isfinite(ranges), ranges, np.nan), odometry))
     if not windows:

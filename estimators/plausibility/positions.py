@@ -1,4 +1,4 @@
-"""Readings of a position beside the model of a Lagrangian system: its limits, its motion, its greatest speed.
+"""Check of position readings against the model of a Lagrangian system: its limits, its motion, its greatest speed.
 
 The readings contradict the model as they are if a joint is beyond its limits most of the time or moves farther than
 they are apart, if the model does not explain half of an acceleration, or if the mean speed is several times the
@@ -112,7 +112,7 @@ class _Fit:
 def misread(
     mission: LagrangianMission, motion: RecordedMotion, order: QuaternionOrder = "wxyz"
 ) -> Generator[None, None, str]:
-    """Say in which other way alone the readings fit the mission; "" if they fit as they are, or in no way.
+    """Return the only other way in which the readings fit the mission; "" if they fit unchanged, or not at all.
 
     Quaternions have their scalar first, if they came in the declared ``order``. It is a generator, each step of which
     takes some milliseconds.

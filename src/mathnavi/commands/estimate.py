@@ -1,4 +1,4 @@
-"""``mathnavi estimate``: an estimator over the measurements and inputs of a finished run, or over a log of one's own.
+"""``mathnavi estimate``: an estimator over the measurements and inputs of a finished run, or over a log in a file.
 
 The scenario is built again with this estimator, which names the sensors that it needs; their readings and the commands
 come from the log. Truth, plans and the events of the other components are kept. ``smoother`` in place of the

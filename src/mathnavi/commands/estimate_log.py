@@ -1,4 +1,4 @@
-"""``mathnavi estimate ESTIMATOR FILE``: an estimator over a log of one's own, a text file with a table.
+"""``mathnavi estimate ESTIMATOR FILE``: an estimator over a log, a text file with a table.
 
 It is ``mathnavi.estimate`` over ``SensorLog.from_csv``: prints the same, and writes the estimates.
 """
@@ -57,7 +57,7 @@ class EstimateLogOptions:
     quaternions: QuaternionOrder = "wxyz"
     """order of the quaternions in the readings, with the scalar first or last"""
     trust_units: bool = False
-    """whether to take readings as they are that fit the mission in another unit or with another sign only"""
+    """whether to use readings unchanged that fit the mission only in another unit or with another sign"""
     out: Path | None = None
     """folder of the estimates; FILE-ESTIMATOR next to FILE if not given"""
     wall_deadline: WallDeadline | None = None

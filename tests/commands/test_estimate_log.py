@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +27,7 @@ FORMAT = ("--sep", ";", "--decimal", ",", "--units", "w=deg/s")
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Folder with a log of 30 times, in the notation of half of Europe, whose last line is cut off."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
@@ -38,7 +40,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         lines.append(f"{50 * k};{front};{left};0.4;{np.degrees(0.5)}".replace(".", ","))
         pose = mission.flow(pose, np.array([0.4, 0.5]), 0.05)
     (tmp_path / "log.csv").write_text("\n".join([*lines, "1500;16"]))
-    return tmp_path
+    yield tmp_path
+    sys.modules.pop("neighbour", None)  # else it belongs to the version of the code of later sweeps
 
 
 @pytest.mark.honoured("CSV", "estimate from the command line")

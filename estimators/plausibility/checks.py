@@ -110,9 +110,9 @@ class FirstReadings:
         self._steps: _Steps | None = None  # of the last one
         self._running: Iterator[None] = iter(())
 
-    def judged(self, estimate: Estimate, readings: Mapping[str, Array], u: Array) -> Estimate:
-        """Return an estimate, lost once its readings are found wrong; arguments as of ``misread``."""
-        said = self.misread(estimate.t, readings, u)
+    def judged(self, estimate: Estimate, t: float, readings: Mapping[str, Array], u: Array) -> Estimate:
+        """Return an estimate, lost once its readings are found wrong; the other arguments are those of ``misread``."""
+        said = self.misread(t, readings, u)
         return replace(estimate, status=Status.LOST, message=f"finds that {said}") if said else estimate
 
     def misread(self, t: float, readings: Mapping[str, Array], u: Array) -> str:

@@ -240,8 +240,11 @@ def rare_event(
 
 
 def _bound(made: tuple[Splitting[Chain], ...], cost: Callable[[float], float]) -> RareEvent:
-    """Return the probability of the nearest level that every repetition has reached."""
-    common = max(each.levels[-1] for each in made)
+    """Return the probability of the nearest level that every repetition has reached.
+
+    A repetition without levels began at the event, beyond any level of the others.
+    """
+    common = max(each.levels[-1] for each in made if each.levels)
     before = [
         max((k for k, level in enumerate(each.levels) if level >= common and each.probabilities[k] > 0.0), default=-1)
         for each in made

@@ -133,7 +133,7 @@ class PoseObserver:
         readings = [Measurement("ranges", self._t, rho), Measurement("odometry", self._t, u)]
         estimate = self._estimator.update(self._t, readings, u)
         if self._first_readings is not None:
-            estimate = self._first_readings.judged(estimate, {"ranges": rho, "odometry": u}, u)
+            estimate = self._first_readings.judged(estimate, self._t, {"ranges": rho, "odometry": u}, u)
         return PoseEstimate(estimate)
 
     def __repr__(self) -> str:

@@ -131,7 +131,7 @@ class LagrangianObserver:
             readings.append(Measurement(POSITION, self._t, point))
         estimate = self._estimator.update(self._t, readings, command)
         if self._first_readings is not None:
-            estimate = self._first_readings.judged(estimate, {POSITION: point}, command)
+            estimate = self._first_readings.judged(estimate, self._t, {POSITION: point}, command)
         size = system.manifold.size
         return MotionEstimate(estimate, estimate.x[:size], estimate.x[size:], tuple(system.states))
 

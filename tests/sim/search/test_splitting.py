@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from mathnavi.sim.search.rare import mean_interval, split
+from mathnavi.sim.search.rare import Splitting, _bound, mean_interval, split
 
 Vector = np.ndarray
 SIZE = 20
@@ -87,3 +88,12 @@ def test_an_interval_needs_two_estimates_and_says_nothing_of_zeros() -> None:
         mean_interval([0.1])
     nothing = mean_interval([0.0, 0.0, 0.0])
     assert (nothing.value, nothing.low, nothing.high) == (0.0, 0.0, 1.0)
+
+
+def test_a_repetition_that_began_at_the_event_does_not_hide_how_far_the_others_came() -> None:
+    """It has no levels, and another ran out of evaluations on its way."""
+    began: Splitting[Any] = Splitting((), (), 0.5, 8, 0.0, ())
+    stopped: Splitting[Any] = Splitting((3.0, 2.0), (0.5, 0.25), None, 80, 0.4, ())
+    found = _bound((began, stopped), lambda level: level)
+    assert (found.level, found.reached) == (2.0, False)
+    assert 0.25 <= found.probability.value <= 1.0

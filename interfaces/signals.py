@@ -45,7 +45,7 @@ class Status(Enum):
 
     @property
     def usable(self) -> bool:
-        """True for an estimate that whoever uses its covariance may use: OK or DEGRADED. Only OK counts as good."""
+        """True if an estimate may be used together with its covariance: OK or DEGRADED. Only OK counts as good."""
         return self in (Status.OK, Status.DEGRADED)
 
 

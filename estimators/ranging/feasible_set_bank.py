@@ -356,7 +356,7 @@ class FeasibleSetBank:
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
 
     def _waits_to_start(self) -> str:
-        """What is missing for the first hypotheses."""
+        """Readings that are missing for the first hypotheses."""
         calls, enough = self._window()
         if self._calls < calls:
             return f"waits for {calls} readings to average: it has {self._calls}"

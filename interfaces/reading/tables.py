@@ -69,7 +69,7 @@ _COMPARED = 16  # lines above one that may be cut off
 
 @dataclass(frozen=True)
 class TableHead:
-    """What stands above the rows of a table."""
+    """Lines above the rows of a table."""
 
     names: tuple[str, ...]  # of the columns
     line: int  # of the names; that before the first row where the file has none

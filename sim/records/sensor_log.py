@@ -57,9 +57,9 @@ class SensorLog:
     inputs: Array | None = None
     source: str = field(default="log")  # named in messages
     start: Decimal = Decimal(0)
-    """what was subtracted from the times of a file, exactly [s]: since 1970 for dates"""
+    """time that was subtracted from those of a file, exactly [s]; since 1970 for dates"""
     notes: tuple[str, ...] = ()
-    """what was converted and what was left out when a file was read, a sentence each"""
+    """conversions and omissions when a file was read, a sentence each"""
     quaternions: QuaternionOrder = "wxyz"
 
     def __post_init__(self) -> None:

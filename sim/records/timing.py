@@ -151,7 +151,7 @@ def _percent(share: float) -> str:
 
 
 def slow_components(timing: Timing, *, on_the_whole: bool = False) -> dict[str, str]:
-    """By how much each component was slower than real time on this machine, in words; others are left out.
+    """Return by how much each component was slower than real time on this machine, in words; others are left out.
 
     Of a planner one answer that took longer than its period is enough. The others answer many times a second, and a
     busy machine interrupts them now and then: they are slower if they do not keep pace on the whole, and so is a

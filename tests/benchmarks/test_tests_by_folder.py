@@ -43,8 +43,9 @@ def test_each_test_has_the_time_of_its_process_and_of_those_it_started_and_can_d
     monkeypatch.setenv("MUJOCO_GL", "disable")  # as another part has switched it
     times = run(Arguments((str(tmp_path),), workers=0), Console(quiet=True))
     taken = {place.rpartition("::")[2]: seconds for place, seconds in times.tests.items()}
-    assert taken["test_in_this_process"] >= 0.19
-    assert taken["test_in_another"] >= 0.39 - 1e-9
+    rounded = 2.5 / os.sysconf("SC_CLK_TCK")  # s; both ends of an interval may be rounded by a tick of the clock
+    assert taken["test_in_this_process"] >= 0.2 - rounded
+    assert taken["test_in_another"] >= 0.4 - rounded
     assert taken["test_that_only_waits"] < 0.2
     assert times.whole >= sum(taken.values())
 

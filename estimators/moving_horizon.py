@@ -121,7 +121,11 @@ class MovingHorizonEstimator:
             return mission.ranging
         if isinstance(mission, MissileMission):
             return mission.full_state_covariance(0.0)
-        return Kalman.quality(KalmanConfig(), mission) if isinstance(mission, FlightMission) else None
+        return (
+            Kalman.quality(KalmanConfig(timeout=config.timeout), mission)
+            if isinstance(mission, FlightMission)
+            else None
+        )
 
     @staticmethod
     def properties(config: MovingHorizonConfig) -> ObserverProperties:

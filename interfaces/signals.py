@@ -113,7 +113,7 @@ class Plan:
     @property
     def by_fallback(self) -> bool:
         """True for a plan that is flown because the planner had no plan, or no certified one."""
-        return "fallback-plan" in self.notes or {"guarantee-lost", "rebased"} <= set(self.notes)
+        return "fallback-plan" in self.notes or "uncertified-plan" in self.notes
 
     @property
     def t_start(self) -> float:

@@ -27,7 +27,7 @@ import numpy as np
 
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.interfaces.compiled import njit
-from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.errors import ArgumentError, FieldError, MissionError
 from mathnavi.interfaces.signals import Array, Message, Plan, Status
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
@@ -38,6 +38,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
+_NEARLY = 0.8  # share of a tracking bound in speed that is left to a vehicle before its guarantee is in danger
 _FALL = 4.0  # the part of a_max at which a large excess of speed falls at least
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
 _LOOKS = 512  # places on an arc at which filled cells are counted
@@ -56,11 +57,22 @@ class TrackingBound:
     """part of both distances [m] that is set aside for the lag of a held input; None for a tracker that keeps its bound
     over every plan within v_max and a_max"""
 
-    def broken_by(self, error: Array | tuple[float, float, float]) -> bool:
+    def __post_init__(self) -> None:
+        for name in ("horizontal", "vertical", "speed", "feedback", "held"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0.0:  # nor is NaN
+                raise ArgumentError(f"tracking bound: {name} = {value!r}; allowed: >= 0")
+
+    def broken_by(self, error: Array) -> bool:
         """True if an error of the state lies outside, whose first three numbers are those of the position [m]."""
-        x, y, z = error[0], error[1], error[2]
         # Written this way round, so that NaN lies outside.
-        return not (math.hypot(x, y) <= self.horizontal and abs(z) <= self.vertical)
+        return not (math.hypot(error[0], error[1]) <= self.horizontal and abs(error[2]) <= self.vertical)
+
+    def how_far(self, error: Array) -> str:
+        """Say by how much an error of the state lies outside; "" for one within."""
+        if not self.broken_by(error):
+            return ""
+        return f"{math.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
 
 
 @dataclass(frozen=True)
@@ -145,6 +157,14 @@ class Certificate:
     def reaches_target(self, plan: Plan) -> bool:
         """True if a plan ends within ``arrival_radius`` of the target."""
         return math.dist(plan.x[-1, :3].tolist(), self.target.tolist()) <= self.arrival_radius
+
+    def speeding(self, x: Array, bound: TrackingBound) -> str:
+        """Say that a vehicle at the estimate x (6,) may soon be faster than v_max; "" for one that may not.
+
+        v_max is what plans are left and the tracking bound in speed, of which it has used up most then.
+        """
+        speed, most = math.hypot(x[3], x[4], x[5]), self.speed_max + _NEARLY * bound.speed
+        return "" if speed <= most else f"{speed:.2f} m/s; allowed {self.speed_max + bound.speed:.2f}"
 
     def check(self, plan: Plan, lag: Array = NO_LAG) -> Refusal | None:
         """Check C(plan): None if it holds, else the first reason why not.

@@ -7,10 +7,10 @@ certified so; and where none is, the stored plan is tracked, which was certified
 gatekeeper (D. Agrawal, R. Chen, D. Panagou, arXiv 2211.14361), of which model predictive shielding is a case. So at
 every control step the vehicle is within the tracking bound of a plan that keeps h_min, the bounds and the map to rest.
 
-The guarantee is over what the mission declares, estimates and gusts. It is announced as lost while the estimate is lost
-or worse than declared, for the stored plan is the best guess of where the vehicle is; when the vehicle has left the
-tracking bound and nothing can be certified from where it is; and before a first command is certified. From the next
-certified command on it is regained.
+The guarantee is over what the mission declares, estimates and gusts, and its state that of ``guarantee``, stepped with
+every command. It is lost while the estimate is lost or worse than declared, for the stored plan is the best guess of
+where the vehicle is; when the vehicle has left the tracking bound and nothing can be certified from where it is; and
+before a first command is certified. From the next certified command on it is held.
 
 **Any controller's planner and tracker, flown behind the safety filter**: its commands are filtered, its plans are not
 certified.
@@ -31,14 +31,15 @@ from typing import Any, Literal
 import numpy as np
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, remainder
-from mathnavi.controllers.flight.certified import doubt
 from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.controllers.flight.guarantee import Evidence, Guarantee, doubt
 from mathnavi.controllers.flight.kernels.stopping import Limits, completed, margin_of, nearest
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.interfaces.boundary import Unusable, answered, own_copy, usable_command
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Planner, Tracker
-from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, where_raised
+from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.models.aerial.mission import FlightMission
@@ -62,7 +63,7 @@ class FilteredCommand:
     distance: float  # [m/s^2] of the acceleration that is flown from the proposed one
     reason: str  # why the proposed command is not certified; "" where it is flown
     margin: float  # [m] least clearance beyond h_min and the tracking bound until the plan that is flown has stopped
-    lost: str  # why the guarantee is lost; "" while it holds
+    announced: str  # why the guarantee is not held; "" while it is
     breach: bool  # True if the vehicle is outside the tracking bound of the plan stored before
 
     @property
@@ -78,8 +79,8 @@ class FilteredCommand:
             "reason": self.reason,
             "distance": self.distance,
             "margin": self.margin,
-            "guaranteed": not self.lost,
-            "announced": self.lost,
+            "guaranteed": not self.announced,
+            "announced": self.announced,
             "breach": self.breach,
         }
 
@@ -114,6 +115,10 @@ class CommandFilter:
         self._first = np.nan  # [m] margin of the stored plan at its start, where it is known
         self._certified = False  # True if the stored plan is
         self._t = -np.inf  # [s] of the last step
+        self.guarantee = Guarantee()
+        """guarantee, as of the last step"""
+        self.evidence = Evidence()
+        """evidence of the last step"""
 
     @staticmethod
     def for_mission(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
@@ -147,24 +152,41 @@ class CommandFilter:
                 f"t = {t!r} s; allowed: {next_t!r} s, a period of {self.period:.6g} s after the last step"
             )
         self._t = t
+        answer, self.evidence = self._decided(t, estimate, x, u)
+        self.guarantee.step(self.evidence)
+        return dataclasses.replace(answer, announced=self.guarantee.announced)
+
+    def _decided(self, t: float, estimate: Estimate, x: Array, u: Array) -> tuple[FilteredCommand, Evidence]:
+        """The command in place of u (3,), and what it says of the guarantee."""
         finite = bool(np.isfinite(x).all())
-        unsure = doubt(estimate, self._worst) if finite else "the estimate is not finite"
-        breach = finite and self.stored is not None and self.bound.broken_by(x - state_at(self.stored, t))
+        unsure = self.doubt(estimate) if finite else "the estimate is not finite"
+        outside = "" if self.stored is None or not finite else self.bound.how_far(x - state_at(self.stored, t))
         if unsure:
             if self.stored is None:
                 self._recover(t, x)
-            return self._tracked(t, estimate, u, unsure, unsure, breach)
-        reason = self._adopt(x, u) if np.isfinite(u).all() else "it is not finite"
+            return self._tracked(t, estimate, u, unsure, outside), self.guarantee.doubted(estimate, unsure)
+        # A command that is certified is so from the estimate, wherever the stored plan leads.
+        fast = self._certificate.speeding(x, self.bound)
+        reason = "" if np.isfinite(u).all() else "it is not finite"
+        if reason and not (self._certified and not outside):  # nothing is proposed, and no plan may be flown on
+            u = np.zeros(3)
+        reason = reason or self._adopt(x, u)
         if not reason:
-            return FilteredCommand(u, "proposed", 0.0, "", self._margin(t), "", breach)
+            answer = FilteredCommand(u, "proposed", 0.0, "", self._margin(t), "", bool(outside))
+            return answer, Evidence(fast=fast)
         nearest_command = self._nearest(t, estimate, u) if np.isfinite(u).all() else None
         if nearest_command is not None:
             distance = float(np.linalg.norm(nearest_command - u))
-            return FilteredCommand(nearest_command, "nearest", distance, reason, self._margin(t), "", breach)
-        lost = "" if self._certified and not breach else f"no command is certified: {reason}"
-        if self.stored is None or breach:
+            answer = FilteredCommand(nearest_command, "nearest", distance, reason, self._margin(t), "", bool(outside))
+            return answer, Evidence(fast=fast)
+        uncertified = "" if self._certified and not outside else f"no command is certified: {reason}"
+        if self.stored is None or outside:
             self._recover(t, x)
-        return self._tracked(t, estimate, u, reason, lost, breach)
+        return self._tracked(t, estimate, u, reason, outside), Evidence(uncertified=uncertified, fast=fast)
+
+    def doubt(self, estimate: Estimate) -> str:
+        """Reason why an estimate cannot be relied on; "" if it can."""
+        return doubt(estimate, self._worst)
 
     def _adopt(self, x: Array, u: Array) -> str:
         """Store the plan behind a command (3,) if it is certified, and return ""; else return the reason why not."""
@@ -192,14 +214,12 @@ class CommandFilter:
                 return command
         return None
 
-    def _tracked(
-        self, t: float, estimate: Estimate, proposed: Array, reason: str, lost: str, breach: bool
-    ) -> FilteredCommand:
+    def _tracked(self, t: float, estimate: Estimate, proposed: Array, reason: str, outside: str) -> FilteredCommand:
         """Track the stored plan."""
         assert self.stored is not None
         u = self._command(t, estimate, self.stored)
         distance = float(np.linalg.norm(u - proposed))
-        return FilteredCommand(u, "stored plan", distance, reason, self._margin(t), lost, breach)
+        return FilteredCommand(u, "stored plan", distance, reason, self._margin(t), "", bool(outside))
 
     def _command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """The tracker's command (3,), without feedback where the estimate is not finite."""
@@ -258,6 +278,8 @@ class TrackedCommandFilter:
         self.period, self.hold, self.bound = tracker.period, hold, tracker.bound
         self._tracker = tracker
         self._filter = CommandFilter(mission, CriticallyDamped(hold, _SLOW / hold, tracker.bound))
+        self.guarantee = Guarantee()
+        """guarantee, as of the last step"""
         self._decided: FilteredCommand | None = None
         self._next = -np.inf  # [s] at which a proposal is taken up
 
@@ -266,17 +288,24 @@ class TrackedCommandFilter:
 
         Raises ValueError as ``CommandFilter.step`` and the tracker do.
         """
-        stored = self._filter.stored
-        breach = stored is not None and self.bound.broken_by(estimate.x - state_at(stored, t))
+        stored, inner = self._filter.stored, self._filter
+        outside = "" if stored is None else self.bound.how_far(estimate.x - state_at(stored, t))
         if self._decided is None or t >= self._next - TIME_TOLERANCE:
-            x = estimate.x if stored is None or breach else state_at(stored, t)
-            self._decided = self._filter.step(t, dataclasses.replace(estimate, x=x), proposed)
-            self._next, stored = t + self.hold, self._filter.stored
-            breach = self._decided.breach
+            x = estimate.x if stored is None or outside else state_at(stored, t)
+            self._decided = inner.step(t, dataclasses.replace(estimate, x=x), proposed)
+            self._next, stored = t + self.hold, inner.stored
+            evidence, outside = inner.evidence, "outside" if self._decided.breach else ""
+        else:
+            unsure = inner.doubt(estimate)
+            evidence = dataclasses.replace(
+                self.guarantee.doubted(estimate, unsure),
+                uncertified=inner.evidence.uncertified or ("" if unsure else outside),
+                fast=inner.evidence.fast,
+            )
         assert stored is not None
-        lost = self._decided.lost or ("the vehicle is outside its tracking bound" if breach else "")
+        self.guarantee.step(evidence)
         u = self._tracker.command(t, estimate, stored)
-        return dataclasses.replace(self._decided, u=u, lost=lost, breach=breach)
+        return dataclasses.replace(self._decided, u=u, announced=self.guarantee.announced, breach=bool(outside))
 
 
 def _limits(certificate: Certificate, period: float) -> Limits:
@@ -290,7 +319,10 @@ _NO_COMMAND = np.full(3, np.nan)
 
 
 class FilteredTracker:
-    """Tracker whose commands are filtered; one that raises proposes nothing."""
+    """Tracker whose commands are filtered; one that raises, or has no plan to track, proposes nothing."""
+
+    without_plan = True
+    """it is called at every control step, with a plan or without"""
 
     def __init__(self, tracker: Tracker, command_filter: CommandFilter) -> None:
         self.period, self.bound = command_filter.period, command_filter.bound
@@ -298,10 +330,10 @@ class FilteredTracker:
         self._proposed, self._next = _NO_COMMAND, -np.inf  # the command held, and when the next is due [s]
         self._steps = self._interventions = 0
         self._least = np.inf  # [m] margin so far
-        self._lost, self._breach = "", False
+        self._usable, self._breach = True, False
         self._events: list[tuple[str, str]] = []
 
-    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+    def command(self, t: float, estimate: Estimate, plan: Plan | None) -> Array:
         """The filtered command (3,) [m/s^2] to hold from t [s] on."""
         if t >= self._next - TIME_TOLERANCE:
             self._proposed, self._next = self._asked(t, estimate, plan), t + self._tracker.period
@@ -311,29 +343,31 @@ class FilteredTracker:
         self._least = min(self._least, answer.margin)
         if answer.breach and not self._breach:
             self._events.append(("tracking-breach", "of the plan behind the filtered commands"))
-        if bool(answer.lost) != bool(self._lost):
-            self._events.append(("guarantee-lost" if answer.lost else "guarantee-regained", answer.lost))
-        self._lost, self._breach = answer.lost, answer.breach
+        self._breach = answer.breach
         return answer.u
 
     def events(self) -> Sequence[tuple[str, str]]:
         """Kind and message of the events since the last call."""
         events, self._events = self._events, []
-        return events
+        return [*events, *self._filter.guarantee.events()]
 
     def figures(self) -> dict[str, Any]:
         """Figures of a run: the share of commands that were changed, and the least margin [m]."""
         share = self._interventions / self._steps if self._steps else 0.0
         return {"filtered_share": share, "filter_margin_min_m": self._least if self._steps else None}
 
-    def _asked(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        try:
-            command = np.asarray(self._tracker.command(t, estimate, plan), dtype=np.float64)
-        except (Exception, SystemExit) as error:  # whatever a third-party tracker does, the vehicle flies on
-            self._events.append(("command-unusable", f"{type(error).__name__}: {error}{where_raised(error)}"))
+    def _asked(self, t: float, estimate: Estimate, plan: Plan | None) -> Array:
+        """The command (3,) that the tracker proposes; NaN if there is none."""
+        if plan is None:
             return _NO_COMMAND
-        if command.shape != (3,):
-            self._events.append(("command-unusable", f"a command of shape {command.shape}; allowed: (3,)"))
+        mine = dataclasses.replace(plan)
+        answer = answered(lambda: self._tracker.command(t, own_copy(estimate), mine))
+        command = answer if isinstance(answer, Unusable) else usable_command(answer, (3,))
+        usable, before = not isinstance(command, Unusable), self._usable
+        self._usable = usable
+        if isinstance(command, Unusable):
+            if before:
+                self._events.append(("command-unusable", f"{command.reason}; nothing is proposed"))
             return _NO_COMMAND
         return command
 

@@ -5,10 +5,12 @@
 g^ the gust that the estimator sees, if it does. ``a_ref`` is the plan's mean acceleration until the next command, so
 arcs may change between commands (``held_input``). With the estimate x^ = x - e of a linear-Gaussian estimator, the
 loop's stationary covariance follows from one Lyapunov equation per axis (see ``EstimateQuality``); five of its standard
-deviations are the bound that plans are certified with.
+deviations are the bound that plans are certified with, and of the velocity's, whose length counts, a few more.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -21,9 +23,11 @@ from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.linear_noise import discretised
 
-_DEVIATIONS = 5.0
+_DEVIATIONS = 5.0  # of a component
+_DEVIATIONS_OF_LENGTH = 5.65  # of a vector in space: its length exceeds them as rarely
 _PHASES = 16  # of a period at which its covariance is taken
-_SLOWEST, _FASTEST = 1e-5, 0.1  # bandwidth times period; a lag is followed for some 40 periods over this product
+_SLOWEST, FASTEST = 1e-5, 0.1  # bandwidth times period; a lag is followed for some 40 periods over this product
+_STEP = 8.0 / math.e**2  # of held noise over 1 / omega: each step of it moves the loop by (omega / e) times as much
 _STILL = np.zeros(3)  # no gust
 _NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and feedback on it need
 
@@ -37,7 +41,8 @@ def tracking_bound(bandwidth: float, mission: FlightMission) -> TrackingBound:
     """
     held = mission.acceleration_max * mission.control_period**2
     spread = stationary_deviations(bandwidth, mission.quality, mission.gust)
-    position, speed, feedback = (_DEVIATIONS * each for each in spread)
+    position, feedback = _DEVIATIONS * spread[0], _DEVIATIONS * spread[2]
+    speed = _DEVIATIONS_OF_LENGTH * spread[1]
     floor = _NUMERICAL
     return TrackingBound(
         floor.horizontal + held + position,
@@ -71,6 +76,8 @@ def stationary_deviations(
     A, W = np.zeros((n, n)), np.zeros((n, n))
     A[0, 1], A[1, :2], A[2, 2] = 1.0, (-(omega**2), -2.0 * omega), -1.0 / gust.time_constant
     W[:3, :3] = quality.driving
+    # The feedback on the noise of a reading pushes the vehicle: as white noise does, or as far as a step of it does.
+    W[1, 1] += omega**4 * quality.error[0, 0] * min(quality.held, _STEP / omega)
     if not W.any():
         covariances, true = np.zeros((1, n, n)), np.zeros((2, n))
     elif late:
@@ -115,9 +122,9 @@ class CriticallyDamped:
 
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
         """Raise FieldError for a bandwidth [rad/s] out of range for commands held over a period [s]."""
-        if not _SLOWEST <= round(bandwidth * period, 12) <= _FASTEST:  # the values that the message names are allowed
+        if not _SLOWEST <= round(bandwidth * period, 12) <= FASTEST:  # the values that the message names are allowed
             raise FieldError(
-                f"bandwidth = {bandwidth!r}; allowed: {_SLOWEST / period:g} to {_FASTEST / period:g} rad/s "
+                f"bandwidth = {bandwidth!r}; allowed: {_SLOWEST / period:g} to {FASTEST / period:g} rad/s "
                 f"at a control_rate of {1.0 / period:g} Hz"
             )
         self.period, self.bound = period, bound
@@ -127,11 +134,11 @@ class CriticallyDamped:
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """Acceleration (3,) [m/s^2] at ``t`` [s] that tracks the plan."""
-        gust = estimate.extra.get("gust", _STILL)
-        x = estimate.x
-        if x.shape != (6,) or gust.shape != (3,):  # compiled code would read on
-            name, value, shape = ("state", x, (6,)) if x.shape != (6,) else ("gust", gust, (3,))
-            raise ArgumentError(f"the estimate's {name} has shape {value.shape}; allowed: {shape}")
+        x, gust = np.array(estimate.x), estimate.extra.get("gust", _STILL)
+        if x.shape != (6,):  # compiled code would read on
+            raise ArgumentError(f"the estimate's state has shape {x.shape}; allowed: (6,)")
+        # Another gust than (3,) is none, which the guarantee knows (``guarantee.doubt``).
+        gust = np.array(gust if gust.shape == (3,) and np.isfinite(gust).all() else _STILL)
         command: Array = tracking_command(plan.t, plan.x, plan.u, t, self.period, x, gust, self._bandwidth, self._limit)
         return command
 

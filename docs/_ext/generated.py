@@ -26,6 +26,7 @@ from sphinx.builders.html import StandaloneHTMLBuilder
 from mathnavi.commands import cli, opengl
 from mathnavi.commands.flown import CommonOptions
 from mathnavi.commands.known import LOG_OPTIONS, OPTIONS
+from mathnavi.controllers.flight.guarantee import RULES
 from mathnavi.interfaces.bounds import declared
 from mathnavi.interfaces.field_table import Field, Form, leaves_of
 from mathnavi.sim.plugin.groups import GROUPS
@@ -71,6 +72,12 @@ def scenarios() -> str:
     return "\n\n".join(parts)
 
 
+def guarantee() -> str:
+    """Return the rules of the state machine of a guarantee, in the order in which they are tried."""
+    rows = [(f"`guarantee-{rule.state.value}`", rule.when) for rule in RULES]
+    return _rows(("state", "at a control step at which"), rows)
+
+
 def plug_ins() -> str:
     """Return every plug-in of every kind, with the fields of those that have any."""
     parts = []
@@ -88,7 +95,7 @@ def plug_ins() -> str:
 
 
 PARTS: dict[str, Callable[[], str]] = {
-    "commands": commands, "common": common, "scenarios": scenarios, "plug-ins": plug_ins,
+    "commands": commands, "common": common, "scenarios": scenarios, "plug-ins": plug_ins, "guarantee": guarantee,
 }  # fmt: skip
 
 

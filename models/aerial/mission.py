@@ -115,6 +115,7 @@ class EstimateQuality:
     estimates_gust: bool = False  # whether an estimate carries the gust as extra["gust"], (3,) [m/s^2]
     age: float = 0.0  # [s]
     rms_age: float = 0.0  # [s] root of the mean square of that time
+    held: float = 0.0  # [s] that an independent error of the position stays: it drives the loop, no filter is between
 
     def worst(self, gust: DeclaredGusts) -> tuple[float, float]:
         """Standard deviations of position [m] and velocity [m/s] at that age; a constant gust bounds every other."""
@@ -196,7 +197,9 @@ class FlightMission:
         interval = self.control_period if rate is None else 1.0 / rate
         gap = longest_gap(interval, self.dropout_rate, timeout)
         # A reading at every control step is never old when it is used.
-        if gap <= self.control_period + TIME_TOLERANCE:
-            return EstimateQuality(error, EstimateQuality.exact(self.gust).driving)
         rms = rms_gap(interval, self.dropout_rate, timeout)
-        return EstimateQuality(error, EstimateQuality.exact(self.gust).driving, age=gap, rms_age=rms)
+        driving = EstimateQuality.exact(self.gust).driving
+        if gap <= self.control_period + TIME_TOLERANCE:
+            return EstimateQuality(error, driving, held=self.control_period)
+        # Each reading's error stays until the next one.
+        return EstimateQuality(error, driving, age=gap, rms_age=rms, held=max(interval, rms))

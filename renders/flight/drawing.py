@@ -38,6 +38,7 @@ ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
     "position-jump": "position jump",
     "tracking-breach": "tracking bound exceeded",
     "guarantee-lost": "guarantee lost",
+    "guarantee-endangered": "guarantee endangered",
     "deadline-lost": "deadline lost",
     "plan-endangered": "the plan is not safe any more",
     "arrival-lost": "no plan to where the target is now",

@@ -14,14 +14,25 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from time import perf_counter
 from typing import Any, TypeVar
 
-import numpy as np
-
+from mathnavi.interfaces.boundary import (
+    Unusable,
+    answered,
+    guest,
+    handed,
+    locked,
+    own_copy,
+    usable_command,
+    usable_estimate,
+    usable_events,
+    usable_outbox,
+    usable_plan,
+)
 from mathnavi.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
 from mathnavi.interfaces.signals import (
     Array,
@@ -32,7 +43,6 @@ from mathnavi.interfaces.signals import (
     Plan,
     PlanRequest,
     Status,
-    where_raised,
 )
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.answer_times import (
@@ -120,6 +130,10 @@ class Agent:
     stored: Plan | None = None  # flown from the start; without one the first plan, as soon as it is available
     sensors: Sequence[str] = ()  # names of those that the estimator requires
     command: Array | None = None  # (nu,) until the tracker's first; zero if not given
+    start: Array | None = None  # (nx,) the declared state at the beginning, of which an estimate is the error
+    flow: Callable[[Array, Array, float], Array] | None = None  # state after an input (nu,) was held for [s]
+    spare: Tracker | None = None  # flies the plan where the tracker's command cannot be used
+    estimate_age: float = math.inf  # [s] that the time of an estimate may be past
 
 
 @dataclass
@@ -147,30 +161,43 @@ class AgentRunner:
     estimating: bool = True  # whether the estimator's last answer was usable
     unused_readings: UnusedReadings = field(init=False)
     monitor: Callable[[PlanRequest], Plan | None] | None = field(init=False)  # the planner's, if it has one
-    estimator_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)  # likewise
-    tracker_events: Callable[[], Iterable[tuple[str, str]]] | None = field(init=False)
-    estimated: Callable[[float], None] = field(init=False)  # notes the time [s] of an answer of the estimator
-    planned: Callable[[float], None] = field(init=False)  # of the planner
-    monitored: Callable[[float], None] = field(init=False)  # of its monitor
-    tracked: Callable[[float], None] = field(init=False)  # of the tracker
-    coordinated: Callable[[float], None] = field(init=False)  # of the coordinator
+    commanded: Callable[[str], None] | None = field(init=False)  # likewise: why a command cannot be used, "" if it can
+    without_plan: bool = field(init=False)  # True for a tracker that is called without a plan too
+    guests: dict[str, str] = field(init=False)  # names of the parts that are not mathnavi's own, "" for those that are
+    reports: dict[str, Callable[[], Any]] = field(init=False)  # of the parts that report events
+    noted: dict[str, Callable[[float], None]] = field(init=False)  # notes the time [s] of a component's answer
 
     def __post_init__(self) -> None:
         agent = self.agent
+        parts = {"estimator": agent.estimator, "planner": agent.planner, "tracker": agent.tracker}
         self.unused_readings = UnusedReadings(agent.sensors)
         self.monitor = getattr(agent.planner, "monitor", None)
-        self.estimator_events = getattr(agent.estimator, "events", None)
-        self.tracker_events = getattr(agent.tracker, "events", None)
-        self.estimated = self._timed(ESTIMATOR, agent.estimator.period)
-        self.planned = self._timed(PLANNER, agent.planner.period)
-        self.monitored = self._timed(MONITOR, agent.estimator.period)
-        self.tracked = self._timed(TRACKER, agent.tracker.period)
-        self.coordinated = self._timed(COORDINATOR, math.inf if agent.coordinator is None else agent.coordinator.period)
+        self.commanded = getattr(agent.planner, "commanded", None)
+        self.without_plan = getattr(agent.tracker, "without_plan", False) is True
+        self.guests = {role: guest(part) for role, part in parts.items()}
+        self.reports = {role: part.events for role, part in parts.items() if hasattr(part, "events")}
+        self.noted = {
+            component: self._timed(component, period)
+            for component, period in (
+                (ESTIMATOR, agent.estimator.period),
+                (PLANNER, agent.planner.period),
+                (MONITOR, agent.estimator.period),
+                (TRACKER, agent.tracker.period),
+                (COORDINATOR, math.inf if agent.coordinator is None else agent.coordinator.period),
+            )
+        }
 
     def _timed(self, component: str, period: float) -> Callable[[float], None]:
         """Begin the record of a component's times; return the function that appends one."""
         times = self.record.answer_times[component] = AnswerTimes(period)
         return times.seconds.append
+
+    def _answer(self, component: str, call: Callable[[], T]) -> T | Unusable:
+        """Return what a component answers, and note how long it took."""
+        began = perf_counter()
+        answer = answered(call)
+        self.noted[component](perf_counter() - began)
+        return answer
 
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track if they are due at tick k, t [s]; ``row`` is that of the log."""
@@ -203,60 +230,71 @@ class AgentRunner:
             self._adopt(t)
         else:
             self._monitor(k, t, estimate)
-        if self.plan is not None and k % self.tracker_ticks == 0:
+        self._record_events(t, "planner")
+        if k % self.tracker_ticks == 0 and (self.plan is not None or self.without_plan):
             self._track(t, estimate, self.plan)
 
     def _estimate(self, t: float) -> None:
-        """Update the estimate; an answer that cannot be used leaves the last one, marked as lost."""
-        try:
-            began = perf_counter()
-            try:
-                estimate = self.agent.estimator.update(t, self.inbox, self.command)
-            finally:
-                self.estimated(perf_counter() - began)
-            complaint = _unusable(estimate, self.estimate)
-        except (Exception, SystemExit) as error:
-            complaint = f"{type(error).__name__}: {error}{where_raised(error)}"
+        """Update the estimate; in place of an answer that cannot be used, predict it and mark it as lost."""
+        agent, before = self.agent, self.estimate
+        answer = self._answer(ESTIMATOR, lambda: agent.estimator.update(t, self.inbox, self.command.copy()))
+        size = None if agent.start is None else len(agent.start)
+        estimate = (
+            answer if isinstance(answer, Unusable) else usable_estimate(answer, t, before, size, agent.estimate_age)
+        )
         self.inbox = []
         if not self.unused_readings.settled:
             for sensor in self.unused_readings.found():
                 text = f"the estimator requires the sensor {sensor!r} and uses no reading of it; is the name misspelt?"
                 self.record.event(t, "sensor-unused", text)
-        if not complaint:
-            self.estimate = estimate
-        elif self.estimate is not None:
-            self.estimate = replace(self.estimate, status=Status.LOST)
+        complaint = estimate.reason if isinstance(estimate, Unusable) else ""
+        self.estimate = self._predicted(t) if isinstance(estimate, Unusable) else estimate
         if complaint and self.estimating:
             self.record.event(t, "estimate-unusable", complaint)
-        if self.estimator_events is not None:
-            self._record_events(t, self.estimator_events())
+        self._record_events(t, "estimator")
         self.estimating = not complaint
         if self.estimate is not None:
             self.record.estimate(self.estimate)
 
-    def _of_coordinator(self, t: float, call: Callable[[Coordinator], T], otherwise: T) -> T:
-        """Return the coordinator's answer; ``otherwise`` without a coordinator, and if it raises, which is recorded."""
-        if self.agent.coordinator is None:
+    def _predicted(self, t: float) -> Estimate | None:
+        """The estimate at t [s] without the estimator: the last one, or the declared start, moved on as declared."""
+        start, last = self.agent.start, self.estimate
+        if last is None and start is not None:
+            last = Estimate(t, locked(start))
+        if last is None:
+            return None
+        x, then, flow = last.x, last.t, self.agent.flow
+        if flow is not None and t > then:
+            x, then = locked(flow(x, self.command, t - then)), t
+        return Estimate(then, x, last.covariance, Status.LOST, last.extra)
+
+    def _of_coordinator(self, t: float, call: Callable[[Coordinator], Any], otherwise: T, check: type[T]) -> T:
+        """Return the coordinator's answer; ``otherwise`` without a coordinator, and if it raises or returns something
+        else than it should, which is recorded.
+        """
+        coordinator = self.agent.coordinator
+        if coordinator is None:
             return otherwise
-        began = perf_counter()
-        try:
-            return call(self.agent.coordinator)
-        except (Exception, SystemExit) as error:
-            self.record.event(t, "coordinator-raised", f"{type(error).__name__}: {error}{where_raised(error)}")
-            return otherwise
-        finally:
-            self.coordinated(perf_counter() - began)
+        answer = self._answer(COORDINATOR, lambda: call(coordinator))
+        if isinstance(answer, check):
+            return answer
+        reason = answer.reason if isinstance(answer, Unusable) else f"{answer!r}; allowed: {check.__name__}"
+        self.record.event(t, "coordinator-raised", reason)
+        return otherwise
 
     def _exchange(self, t: float) -> None:
         """Pass received messages to the coordinator and send its answers; one that raises sends nothing."""
         if self.unproposed is not None and self.unproposed.ready <= t + TIME_TOLERANCE:
             self._propose(t, self.unproposed)
         received = self.network.receive(self.name, t)
-        outbox = self._of_coordinator(t, lambda coordinator: coordinator.exchange(t, received), Outbox())
+        outbox = self._of_coordinator(t, lambda coordinator: self._outbox(coordinator, t, received), Outbox(), Outbox)
         self.network.send(outbox.messages, t)
         for kind, text in outbox.events:
             self.record.event(t, kind, text)
         self.undelivered = sorted([*self.undelivered, *outbox.planner_messages], key=lambda each: each.t)
+
+    def _outbox(self, coordinator: Coordinator, t: float, received: Sequence[Message]) -> Outbox | Unusable:
+        return usable_outbox(coordinator.exchange(t, received), self.name)
 
     def _deliver(self, t: float) -> list[Message]:
         """Deliver the messages that are due to the planner's next request; each is recorded."""
@@ -272,15 +310,10 @@ class AgentRunner:
     def _monitor(self, k: int, t: float, estimate: Estimate) -> None:
         """Call the planner's monitor, for what cannot wait until the next planning instant."""
         news = bool(self.undelivered) and self.undelivered[0].t <= t + TIME_TOLERANCE
-        if self.monitor is None or self.plan is None or not (news or k % self.estimator_ticks == 0):
+        if self.monitor is None or not (news or k % self.estimator_ticks == 0):
             return
         request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)) if news else ())
-        began = perf_counter()
-        try:
-            plan = self.monitor(request)
-        except (Exception, SystemExit) as error:
-            plan = Plan.raised(error)
-        self.monitored(perf_counter() - began)
+        plan = self._planned(MONITOR, self.monitor, request)
         if plan is None:
             return
         self.record.asked(plan)
@@ -296,17 +329,10 @@ class AgentRunner:
         self._deliver(t)
         t_start = t + self.agent.planner.period if self.plan is not None else t
         request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
-        began = perf_counter()
-        try:
-            plan = self.agent.planner.plan(request)
-            if not isinstance(plan, Plan):
-                raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
-        except (Exception, SystemExit) as error:  # a recorded failure, not the end of the flight
-            plan = Plan.raised(error)
-        seconds = perf_counter() - began
-        self.planned(seconds)
+        plan = self._planned(PLANNER, self.agent.planner.plan, request)
+        assert plan is not None
         if self.latency is not None:
-            plan = self._delayed(t, plan, seconds, self.latency)
+            plan = self._delayed(t, plan, self.record.answer_times[PLANNER].seconds[-1], self.latency)
         self.delivered = []
         self.record.asked(plan)
         if plan.ok:
@@ -317,6 +343,17 @@ class AgentRunner:
                 self._propose(t, plan)
         else:
             self._refused(t, plan, plan.status, plan.message)
+
+    def _planned(self, component: str, call: Callable[[PlanRequest], Plan | None], request: PlanRequest) -> Plan | None:
+        """The answer to a request, a failed plan in place of one that cannot be used; None from a monitor alone."""
+        name = self.guests["planner"]
+        if name:
+            request = handed(request)
+        answer = self._answer(component, lambda: call(request))
+        if answer is None and component == MONITOR:
+            return None
+        plan = answer if isinstance(answer, Unusable) else usable_plan(answer, name)
+        return plan.plan if isinstance(plan, Unusable) else plan
 
     def _delayed(self, t: float, plan: Plan, seconds: float, latency: Latency) -> Plan:
         """Return the answer to a request at t [s] that took ``seconds``, as it is available in simulated time.
@@ -333,7 +370,7 @@ class AgentRunner:
     def _propose(self, t: float, plan: Plan) -> None:
         """Have the coordinator propose a plan, in place of any other that it has not proposed yet."""
         self.unproposed = None
-        self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
+        self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None, type(None))
 
     def _adopt(self, t: float) -> None:
         waiting: list[Plan] = []
@@ -352,12 +389,12 @@ class AgentRunner:
         """Return True if the others admit the plan; the first plan was not announced and needs no answer."""
         if self.agent.coordinator is None or self.plan is None:
             return True
-        return self._of_coordinator(t, lambda coordinator: coordinator.admits(t, plan), otherwise=False)
+        return self._of_coordinator(t, lambda coordinator: bool(coordinator.admits(t, plan)), False, bool)
 
     def _take_over(self, t: float, plan: Plan) -> None:
         self.plan = plan
         self.record.adopted(t, plan)
-        self._of_coordinator(t, lambda coordinator: coordinator.adopted(t, plan), None)
+        self._of_coordinator(t, lambda coordinator: coordinator.adopted(t, plan), None, type(None))
         for note in plan.notes:
             self.record.event(t, note, plan.message)
 
@@ -366,41 +403,33 @@ class AgentRunner:
         for note in plan.notes:
             self.record.event(t, note, message)
 
-    def _record_events(self, t: float, events: Iterable[tuple[str, str]]) -> None:
-        """Record the events that a component of the agent reports."""
-        for kind, message in events:
-            self.record.event(t, kind, message)
+    def _record_events(self, t: float, role: str) -> None:
+        """Record the events that a part of the agent reports."""
+        if role in self.reports:
+            for kind, message in usable_events(self.reports[role], self.guests[role]):
+                self.record.event(t, kind, message)
 
-    def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
-        try:
-            began = perf_counter()
-            try:
-                answer = self.agent.tracker.command(t, estimate, plan)
-            finally:
-                self.tracked(perf_counter() - began)
-            command = np.asarray(answer, dtype=float)
-            # The square of a command is finite if the command is, short of a length of 1e154.
-            usable = command.shape == self.command.shape and math.isfinite(command.dot(command))
-            complaint = "" if usable else f"{command!r}"
-        except (Exception, SystemExit) as error:
-            usable, complaint = False, f"{type(error).__name__}: {error}"
-        if self.tracker_events is not None:
-            self._record_events(t, self.tracker_events())
-        if usable:
-            self.command = command
-        elif self.usable:
-            self.record.event(t, "command-unusable", f"{complaint}; the last usable command is held")
+    def _track(self, t: float, estimate: Estimate, plan: Plan | None) -> None:
+        command = self._command(self.agent.tracker, t, estimate, plan)
+        self._record_events(t, "tracker")
+        usable, before = not isinstance(command, Unusable), self.usable
         self.usable = usable
+        if usable is not before and self.commanded is not None:
+            self.commanded(command.reason if isinstance(command, Unusable) else "")
+            self._record_events(t, "planner")
+        if not isinstance(command, Unusable):
+            self.command = command
+            return
+        spare = Unusable("") if self.agent.spare is None else self._command(self.agent.spare, t, estimate, plan)
+        held = isinstance(spare, Unusable)
+        if before:
+            instead = "the last usable command is held" if held else "the plan is tracked without the tracker"
+            self.record.event(t, "command-unusable", f"{command.reason}; {instead}")
+        if not isinstance(spare, Unusable):
+            self.command = spare
 
-
-def _unusable(estimate: Any, before: Estimate | None) -> str:
-    """Return the error in an estimator's answer; "" for none."""
-    if not isinstance(estimate, Estimate):
-        return f"update() returned {type(estimate).__name__}; allowed: Estimate"
-    x = np.asarray(estimate.x)
-    if x.ndim != 1 or (before is not None and x.shape != before.x.shape):
-        allowed = "(nx,)" if before is None else f"{before.x.shape}, as before"
-        return f"the estimate's state has shape {x.shape}; allowed: {allowed}"
-    # The square is finite if the state is, short of a length of 1e154, and found sooner.
-    finite = (math.isfinite(x.dot(x)) or np.isfinite(x).all()) and math.isfinite(estimate.t)
-    return "" if finite else f"the estimate is {x.tolist()} at {estimate.t!r} s; allowed: finite numbers"
+    def _command(self, tracker: Tracker, t: float, estimate: Estimate, plan: Plan | None) -> Array | Unusable:
+        if self.guests["tracker"]:
+            estimate, plan = own_copy(estimate), None if plan is None else replace(plan)
+        answer = self._answer(TRACKER, lambda: tracker.command(t, estimate, plan))  # type: ignore[arg-type]
+        return answer if isinstance(answer, Unusable) else usable_command(answer, self.command.shape)

@@ -1,9 +1,9 @@
 """Steps without collision detection and constraints, while nothing is near enough to touch.
 
 Both are a third of the cost of a step of a point mass, four times a step, and in most of a flight they find nothing to
-do. A survey detects collisions once, with a margin M around every geom: if it finds none, nothing touches anything
-before it has moved by M, and until then steps without constraints are the same, bit for bit. Passive forces are not
-computed either in a model that has none.
+do. A survey detects collisions once, within a distance M: if it finds none, nothing touches anything before it has
+moved by M - m, m the distance at which the model's own margins begin a contact, and until then steps without
+constraints are the same, bit for bit. Passive forces are not computed either in a model that has none.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ class ContactFree:
         self._surveyed = mujoco.MjData(self.model)
         self._q, self._v = data.qpos, data.qvel
         self._spread = math.sqrt(len(self._v))  # a point moves by the norm of q, times this where axes are not square
+        self._begins = _contact_distance(model)
         self._origin = self._q.tolist()
         self._free = -math.inf  # [m] from the origin within which nothing touches
         self._margin = 0.25 * _FARTHEST  # [m] of the last survey
@@ -70,7 +71,7 @@ class ContactFree:
         least = max(2.0 * self._reach(duration), _NEAREST)
         margin = min(2.0 * self._margin, _FARTHEST)
         while margin >= least:
-            if self._nothing_within(margin):
+            if self._nothing_within(margin + self._begins):
                 self._free = self._margin = margin
                 return True
             margin *= 0.5
@@ -102,6 +103,13 @@ class ContactFree:
         model.opt.enableflags &= ~_ONE_MARGIN
         model.opt.disableflags |= _NO_CONSTRAINTS
         return int(data.ncon) == 0
+
+
+def _contact_distance(model: mujoco.MjModel) -> float:
+    """Greatest distance [m] at which a contact begins: the sum of the margins of two geoms, or the margin of a pair."""
+    if model.opt.enableflags & _ONE_MARGIN:
+        return float(model.opt.o_margin)
+    return max(2.0 * float(model.geom_margin.max(initial=0.0)), float(model.pair_margin.max(initial=0.0)))
 
 
 def _actuated_unevenly(model: mujoco.MjModel) -> bool:

@@ -33,10 +33,10 @@ class FailingSolver:
 
     def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:
         self.period = planner.period
-        self._planner, self._rate, self._rng = planner, _rate(rate, "solver failure rate"), rng
+        self.wrapped, self._rate, self._rng = planner, _rate(rate, "solver failure rate"), rng
 
     def plan(self, request: PlanRequest) -> Plan:
-        plan = self._planner.plan(request)  # called all the same, so that messages reach it
+        plan = self.wrapped.plan(request)  # called all the same, so that messages reach it
         if request.current is not None and self._rng.random() < self._rate:
             return Plan.failure(Status.SOLVER_FAILED, "injected solver failure", solve_ms=plan.solve_ms)
         return plan
@@ -47,10 +47,10 @@ class CorruptedPlan:
 
     def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:
         self.period = planner.period
-        self._planner, self._rate, self._rng = planner, _rate(rate, "corrupted plan rate"), rng
+        self.wrapped, self._rate, self._rng = planner, _rate(rate, "corrupted plan rate"), rng
 
     def plan(self, request: PlanRequest) -> Plan:
-        plan = self._planner.plan(request)
+        plan = self.wrapped.plan(request)
         if request.current is None or not plan.ok or self._rng.random() >= self._rate:
             return plan
         x = plan.x.copy()
@@ -65,10 +65,10 @@ class Delayed:
         if not (math.isfinite(latency) and latency >= 0.0):
             raise ArgumentError(f"latency = {latency!r} s; allowed: a finite time >= 0")
         self.period = planner.period
-        self._planner, self._latency, self._rate, self._rng = planner, latency, _rate(rate, "late plan rate"), rng
+        self.wrapped, self._latency, self._rate, self._rng = planner, latency, _rate(rate, "late plan rate"), rng
 
     def plan(self, request: PlanRequest) -> Plan:
-        plan = self._planner.plan(request)
+        plan = self.wrapped.plan(request)
         if request.current is None or self._rng.random() >= self._rate:
             return plan
         return dataclasses.replace(plan, ready=request.t + self._latency)

@@ -66,8 +66,8 @@ class EpisodeFilter:
         infos = {}
         for name, answers in self._answers.items():
             self._interventions[name] += answers[0].intervened
-            lost = next((answer for answer in answers if answer.lost), answers[-1])
-            whole = dataclasses.replace(lost, breach=any(answer.breach for answer in answers))
+            worst = next((answer for answer in answers if answer.announced), answers[-1])
+            whole = dataclasses.replace(worst, breach=any(answer.breach for answer in answers))
             infos[name] = {**whole.info(), "interventions": self._interventions[name], "guarded": ("ground", "map")}
             answers.clear()
         return infos if len(infos) > 1 else next(iter(infos.values()))

@@ -14,7 +14,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.flight import deadline_left, exposure, flown_clearance
-from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, guarantee_losses, planner_share, solve_times
 
 _PIECE = 64  # samples in a box
 _ROUNDING = 1e-6  # [m] of a distance that is found in two ways
@@ -135,7 +135,7 @@ def fleet_summary(
         "plans_not_admitted": kinds["not-admitted"],
         "proposals_refused": kinds["separation-refused"],
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
-        "guarantee_lost": kinds["guarantee-lost"] + kinds["separation-unguaranteed"],
+        "guarantee_lost": guarantee_losses(recording.events) + kinds["separation-unguaranteed"],
         "deadlines_lost": kinds["deadline-lost"],
         "arrivals_deferred": kinds["arrival-deferred"],
         "arrivals_unkept": kinds["arrival-unkept"],

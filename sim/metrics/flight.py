@@ -17,7 +17,7 @@ from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter
-from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, guarantee_losses, planner_share, solve_times
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, estimates_at, judged_bound
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ def flight_summary(
         "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
         "rebased_plans": kinds["rebased"],
         "missed_passes": kinds["missed-pass"],
-        "guarantee_lost": kinds["guarantee-lost"] if guaranteed else None,
+        "guarantee_lost": guarantee_losses(recording.events) if guaranteed else None,
         "deadlines_lost": kinds["deadline-lost"],
         "radar_exposure_s": exposure(t, x, mission, radars),
         **least.figures(estimated[:, list(least.judged)], last_quarter(t), "the last quarter"),

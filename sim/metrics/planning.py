@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.interfaces.signals import OPTIMISED, Plan
+from mathnavi.interfaces.signals import OPTIMISED, Event, Plan
 from mathnavi.sim.engine.log import Recording
 
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
+_GUARANTEE = "guarantee-"  # begins the kind of an event that announces a state
 NEVER_ANSWERED = "never answered with a plan"
 ANSWERED_ONCE = "answered the first request only"
 ONLY_FALLBACK = "not one of its plans was flown"
@@ -53,6 +54,15 @@ def planner_status(recording: Recording) -> str:
         elif all(plan.by_fallback for _, plan in agent.plans):
             found.append((name, ONLY_FALLBACK))
     return "; ".join(words if len(recording.agents) == 1 else f"{name}: {words}" for name, words in found)
+
+
+def guarantee_losses(events: Sequence[Event]) -> int:
+    """Number of times that the guarantee of a vehicle was lost; one that never began is a loss too."""
+    states: dict[str, list[str]] = {}
+    for event in events:
+        if event.kind.startswith(_GUARANTEE):
+            states.setdefault(event.agent, []).append(event.kind.removeprefix(_GUARANTEE))
+    return sum(max(named.count("lost"), {*named} == {"not-yet"}) for named in states.values())
 
 
 def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:

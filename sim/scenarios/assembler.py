@@ -91,11 +91,9 @@ class VehicleStack:
     tracker: Any
     asked: tuple[str, ...]  # names of the sensors that the estimator requests
 
-    def agent(self, input_size: int = 3, messages: Sequence[Message] = (), command: Array | None = None) -> Agent:
-        """Agent with this stack; ``messages`` reach the planner at their times, ``command`` (nu,) holds at first."""
-        return Agent(
-            self.estimator, self.planner, self.tracker, input_size, messages, sensors=self.asked, command=command
-        )
+    def agent(self, input_size: int = 3, messages: Sequence[Message] = (), **others: Any) -> Agent:
+        """Agent with this stack; ``messages`` reach the planner at their times, ``others`` are fields of the agent."""
+        return Agent(self.estimator, self.planner, self.tracker, input_size, messages, sensors=self.asked, **others)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified, Certifier
 from mathnavi.controllers.flight.command_filter import CommandFilter, filtered
+from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.controllers.flight.tracker import FASTEST, CriticallyDamped
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest
@@ -48,6 +50,17 @@ class FlightAssurance:
         if self.filtered:
             return filtered(planner, tracker, CommandFilter.for_mission(self.mission))
         return (planner if self.certifier is None else self.certifier(planner, self.mission, tracker)), tracker
+
+
+def assured(mission: FlightMission, tracker: Any) -> dict[str, Any]:
+    """Fields of the agent of a point mass by which it flies on without its estimator, and without its tracker.
+
+    Its estimates are of the present, and where one is missing the mission's motion is the best guess. A plan is tracked
+    with the tracker's own bound.
+    """
+    bandwidth = min(FlightConfig.bandwidth, FASTEST / mission.control_period)
+    spare = CriticallyDamped(mission.control_period, bandwidth, tracker.bound)
+    return {"start": mission.start_state, "flow": mission.flow, "spare": spare, "estimate_age": 0.0}
 
 
 class FirstPlans:

@@ -124,7 +124,7 @@ class QuadrotorCanyon:
         place = terrain_record(terrain, config.terrain)
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=vehicle.mass),
-            {VEHICLE: stack.agent(ROTOR_COUNT)},
+            {VEHICLE: stack.agent(ROTOR_COUNT, start=mission.flight.start_state, estimate_age=0.0)},
             duration,
             partial(finished, flight, body),
             partial(summarise, flight, stack.planner, stack.tracker.bound, assurance.guaranteed, seed),

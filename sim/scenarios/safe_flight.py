@@ -34,7 +34,7 @@ from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import ChangingFlightRecord
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.flight_assurance import FirstPlans, FlightAssurance
+from mathnavi.sim.scenarios.flight_assurance import FirstPlans, FlightAssurance, assured
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
@@ -98,7 +98,7 @@ class SafeFlight:
         terrain = terrain_record(flight.mission.terrain, config.terrain, hills=config.uncharted)
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=1.0),
-            {VEHICLE: stack.agent(messages=messages)},
+            {VEHICLE: stack.agent(messages=messages, **assured(mission, stack.tracker))},
             duration,
             partial(finished, flight, body),
             partial(summarise, flight, stack.planner, stack.tracker, assurance.guaranteed, seed),

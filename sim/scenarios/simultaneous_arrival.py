@@ -47,6 +47,7 @@ from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fleet_fields import EXCHANGE_PERIOD, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import StartedVehicle, started_fleet, zone_of
+from mathnavi.sim.scenarios.flight_assurance import assured
 from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     check_above_ground,
@@ -200,6 +201,7 @@ class SimultaneousArrival:
             agents[name] = Agent(
                 parts.observer(mission), vehicle.planner, vehicle.tracker,
                 messages=messages, coordinator=talkers[name], stored=vehicle.stored, sensors=parts.asked(mission),
+                **assured(mission, vehicle.tracker),
             )  # fmt: skip
         model = _model(flight.terrain, config.names, config.acceleration_max)
         body = MujocoPlant(model, setups, parts.streams["sensing"])

@@ -16,7 +16,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import combinations
 from typing import Any
@@ -38,34 +39,47 @@ from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.scenarios.closed_loop import RunData
 
-# Events that announce a loss, until the one that ends it.
-LOSSES = {"guarantee-lost": "guarantee-regained", "separation-unguaranteed": "", "tracking-breach": "rebased"}
-DELAYS = ("deadline-lost", "deadline-moved", "missed-pass", "arrival-lost", "guarantee-lost")
+GUARANTEE = "guarantee-"  # begins the kind of an event that announces a state of the guarantee, HELD among others
+HELD = "guarantee-held"
+UNGUARANTEED = "separation-unguaranteed"
+DELAYS = ("deadline-lost", "deadline-moved", "missed-pass", "arrival-lost")
 CONTACTS = ("ground-contact", "vehicle-contact")
-ANSWER = 2.0  # [s] a planning period: as long a breach of the tracking bound counts that was answered by a new plan
+_ROUNDING = 1e-6  # of a speed
 ANNOUNCED = 1.0  # the margin of a mission whose violation was announced: of no interest
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Least relative margin of one bound, and when and of which vehicles it was."""
+
+    kind: str
+    margin: float
+    t: float  # [s] of the first violation, or of the least margin
+    vehicles: tuple[str, ...]
 
 
 def violations(outcome: RunData) -> dict[str, Any]:
     """A measure: the least relative margin of a mission, and its first violation.
 
-    ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s and (deadline - arrival) /
-    deadline, and ``ANNOUNCED`` if every violation was announced: a search for a silent violation minimises it. A
-    violation at a hill that no map shows yet cannot be announced, and counts as announced.
+    ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s, (v_max - speed) / v_max
+    and (deadline - arrival) / deadline, and ``ANNOUNCED`` if every violation was announced: a search for a silent
+    violation minimises it. A violation at a hill that no map shows yet cannot be announced, and counts as announced. A
+    flight behind the filter promises no deadline.
     """
-    found = [*_clearance(outcome), *_separation(outcome), *_deadline(outcome)]
-    margin = min(share for _, share, _ in found)
-    broken = sorted((t, kind) for kind, share, t in found if share < 0.0)
+    found = [_clearance(outcome), *_separation(outcome), *_speed(outcome), *_deadline(outcome)]
+    margin = min(each.margin for each in found)
+    broken = sorted((each for each in found if each.margin < 0.0), key=lambda each: (each.t, each.kind))
     silent = [
-        (t, kind)
-        for t, kind in broken
-        if not (_announced(kind, t, outcome.events) or (kind == "clearance" and _uncharted(outcome, t)))
+        each
+        for each in broken
+        if not (_announced(each, outcome.events) or (each.kind == "clearance" and _uncharted(outcome, each.t)))
     ]
+    first = (silent or broken or [None])[0]
     return {
         "violated": bool(broken),
         "silently_violated": bool(silent),
-        "violation": (silent or broken)[0][1] if broken else "",
-        "violation_s": (silent or broken)[0][0] if broken else None,
+        "violation": "" if first is None else first.kind,
+        "violation_s": None if first is None else first.t,
         "relative_margin": ANNOUNCED if broken and not silent else margin,
     }
 
@@ -76,28 +90,42 @@ def clearance_in_bounds(outcome: RunData) -> dict[str, Any]:
     return {"clearance_in_bounds": outcome.summary["clearance_margin_m"] / bound}
 
 
-def _clearance(outcome: RunData) -> list[tuple[str, float, float]]:
-    """Return (kind, relative margin, time [s]) of the clearance."""
+def _clearance(outcome: RunData) -> _Found:
     h_min = outcome.config["fields"]["clearance_min"]
     margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
-    contacts = [event.t for event in outcome.events if event.kind in CONTACTS]
-    times = contacts if contacts and margin >= 0.0 else [*contacts, _lowest(outcome, h_min)]
-    return [("clearance", min(margin, -1.0) if contacts else margin, min(times))]
+    contacts = [(event.t, event.agent) for event in outcome.events if event.kind in CONTACTS]
+    t, name = min(contacts if contacts and margin >= 0.0 else [*contacts, _lowest(outcome, h_min)])
+    return _Found("clearance", min(margin, -1.0) if contacts else margin, t, (name,))
 
 
-def _lowest(outcome: RunData, h_min: float) -> float:
-    """Return the time [s] of the first sample below ``h_min`` [m], or of the lowest one."""
+def _lowest(outcome: RunData, h_min: float) -> tuple[float, str]:
+    """Return the time [s] of the first sample below ``h_min`` [m], or of the lowest one, and of which vehicle."""
     config = outcome.config
     reach = REACH if config["scenario"] == "quadrotor-canyon" else 0.0
     ground = _ground(config["terrain"]["path"], tuple(map(tuple, config["fields"].get("uncharted", ()))), reach)
-    t, first, lowest = outcome.recording.t, math.inf, (math.inf, 0.0)
-    for x in outcome.recording.truths.values():
+    t, first, lowest = outcome.recording.t, (math.inf, ""), (math.inf, 0.0, "")
+    for name, x in outcome.recording.truths.items():
         above = np.nan_to_num(x[:, 2] - ground.height(x[:, 0], x[:, 1]), nan=-np.inf)  # off the map
         k = int(above.argmin())
-        lowest = min(lowest, (float(above[k]), float(t[k])))
+        lowest = min(lowest, (float(above[k]), float(t[k]), name))
         if above[k] < h_min:
-            first = min(first, float(t[np.argmax(above < h_min)]))
-    return first if first < math.inf else lowest[1]
+            first = min(first, (float(t[np.argmax(above < h_min)]), name))
+    return first if first[0] < math.inf else lowest[1:]
+
+
+def _speed(outcome: RunData) -> list[_Found]:
+    """Margins of the speeds of point masses and of quadrotors; those of a fleet one by one."""
+    most = outcome.config["fields"].get("speed_max")
+    if most is None:
+        return []
+    place = slice(7, 10) if outcome.config["scenario"] == "quadrotor-canyon" else slice(3, 6)
+    found = []
+    for name, x in outcome.recording.truths.items():
+        speed, t = np.linalg.norm(x[:, place], axis=1), outcome.recording.t
+        fast = speed > most * (1.0 + _ROUNDING)
+        k = int(np.argmax(fast)) if fast.any() else int(speed.argmax())
+        found.append(_Found("speed", (most * (1.0 + _ROUNDING) - float(speed.max())) / most, float(t[k]), (name,)))
+    return found
 
 
 @lru_cache(maxsize=8)
@@ -119,12 +147,13 @@ def _uncharted(outcome: RunData, t: float) -> bool:
     )
 
 
-def _separation(outcome: RunData) -> list[tuple[str, float, float]]:
+def _separation(outcome: RunData) -> list[_Found]:
     margin = outcome.summary.get("separation_margin_m")
     if margin is None:
         return []
     least = outcome.summary["separation_allowed_m"]
-    return [("separation", margin / least, _nearest(outcome.recording.t, outcome.recording.truths, least))]
+    truths = outcome.recording.truths
+    return [_Found("separation", margin / least, _nearest(outcome.recording.t, truths, least), tuple(truths))]
 
 
 def _nearest(t: Array, truths: Mapping[str, Array], least: float) -> float:
@@ -135,23 +164,24 @@ def _nearest(t: Array, truths: Mapping[str, Array], least: float) -> float:
     return float(t[np.argmax(distance < least)] if (distance < least).any() else t[distance.argmin()])
 
 
-def _deadline(outcome: RunData) -> list[tuple[str, float, float]]:
+def _deadline(outcome: RunData) -> list[_Found]:
     left, deadline = outcome.summary["deadline_left_s"], outcome.summary["deadline_s"]
-    return [] if left is None else [("deadline", left / deadline, deadline)]
+    promised = left is not None and not outcome.config["fields"].get("filter", False)
+    return [_Found("deadline", left / deadline, deadline, tuple(outcome.recording.truths))] if promised else []
 
 
-def _announced(kind: str, t: float, events: list[Event]) -> bool:
-    """Return True if an event before ``t`` [s] announced the loss of this guarantee, and no later event its return."""
-    if kind == "deadline":
-        return any(event.kind in DELAYS and event.t < t for event in events)
-    for loss, end in LOSSES.items():
-        begun = max((event.t for event in events if event.kind == loss and event.t < t), default=None)
-        if begun is None:
-            continue
-        over = min((event.t for event in events if event.kind == end and event.t >= begun), default=math.inf)
-        if t <= over + (ANSWER if loss == "tracking-breach" else 0.0):
-            return True
-    return False
+def _announced(found: _Found, events: Sequence[Event]) -> bool:
+    """Return True if an event until the violation announced the loss of this guarantee, and no later one its return."""
+    if found.kind == "deadline" and any(event.kind in DELAYS and event.t < found.t for event in events):
+        return True
+    apart = found.kind == "separation" and any(event.kind == UNGUARANTEED and event.t <= found.t for event in events)
+    return apart or not guaranteed_at(found.t, [event for event in events if event.agent in found.vehicles])
+
+
+def guaranteed_at(t: float, events: Sequence[Event]) -> bool:
+    """Return True if no vehicle had announced by ``t`` [s] that its guarantee is not held, or all that it is again."""
+    last = {event.agent: event.kind for event in events if event.kind.startswith(GUARANTEE) and event.t <= t}
+    return all(kind == HELD for kind in last.values())
 
 
 # ---- controllers with a hole

@@ -40,6 +40,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.job import job
 from mathnavi.sim.sweep.trial import Trial
+from mathnavi.studies.flight.guarantee_holes import guaranteed_at
 from mathnavi.studies.framework.drawing import paths_on_map, styled_figure
 from mathnavi.studies.framework.study import (
     VEHICLE,
@@ -217,7 +218,7 @@ def violations(outcome: RunData) -> dict[str, Any]:
     flown = FlightMission(terrain, mission["start"], mission["target"])
     low = flown_clearance(recording.t, recording.truths[VEHICLE], flown) < mission["clearance_min"]
     begins = float(recording.t[:-1][low][0]) if low.any() else np.inf
-    announced = any(event.kind == "guarantee-lost" and event.t <= begins for event in recording.events)
+    announced = not guaranteed_at(begins, recording.events)
     return {"violated": bool(low.any()), "unannounced": bool(low.any() and not announced)}
 
 

@@ -38,7 +38,7 @@ from mathnavi.sim.search.samplers import SamplerName
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.execution import Pool, Progress
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.flight import guarantee_holes
+from mathnavi.studies.flight import guarantee_holes, hostile_parts
 from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Setup, StudyError, StudyResult
 
@@ -67,6 +67,8 @@ class HuntConfig:
 
     missions: Count = FEWEST
     """number of missions of each of four searches"""
+    hostile: Count = FEWEST // 2
+    """number of missions of each of four searches with plug-ins that misbehave"""
     tries: Count = ENOUGH
     """largest number of missions of a search for the hole of a mutant"""
     draws: Count = 400
@@ -81,7 +83,7 @@ class HuntStudy:
     """Directed searches for a mission that violates the guarantee without an event that announces it."""
 
     Config = HuntConfig
-    quick = HuntConfig(missions=8, tries=8, draws=8, repeats=1)
+    quick = HuntConfig(missions=8, hostile=8, tries=8, draws=8, repeats=1)
     title = "The hunt for holes in the guarantee"
     on_terrain = False
 
@@ -90,8 +92,10 @@ class HuntStudy:
         with Pool(setup.workers, setup.cluster) as pool:
             search = partial(_searched, setup, pool)
             found = {hunt.name: search(hunt, MARGIN, config.missions) for hunt in HUNTS}
+            strangers = {hunt.name: search(hunt, MARGIN, config.hostile) for hunt in HOSTILE}
             holes = [_hole_found(search, holed, config) for holed in HOLES]
         rows = [_row(name, evaluations) for name, evaluations in found.items()]
+        strange_rows = [_row(name, evaluations) for name, evaluations in strangers.items()]
         hole_rows = [hole.row for hole in holes]
         return StudyResult(
             summary=(
@@ -100,15 +104,21 @@ class HuntStudy:
                 "the margins of clearance, separation and deadline, each relative to its bound; a violation that an "
                 "event has announced counts as none. The mutants are controllers with one check left out each; their "
                 "hole is found when a mission comes below h_min. The controller flight is searched in the same "
-                "spaces, with as many missions.",
-                *_violations(found),
+                "spaces, with as many missions. In further searches planner, tracker and estimator are those of "
+                "strangers, which raise, answer nonsense, lie, or change what they were given, at random instants.",
+                *_violations({**found, **strangers}),
             ),
-            rows=[*rows, *hole_rows],
-            tables=(_table(rows), _hole_table(hole_rows), *([_sampler_table(holes)] if config.compare else [])),
+            rows=[*rows, *strange_rows, *hole_rows],
+            tables=(
+                _table("Searches for a silent violation", rows),
+                _table("Searches with plug-ins that misbehave", strange_rows),
+                _hole_table(hole_rows),
+                *([_sampler_table(holes)] if config.compare else []),
+            ),
             figure=_figure(found, holes),
             caption="The least margin so far, over the missions of a search; missions until a hole is found, by search "
             "and by random draws, an arrow where none was.",
-            claims=_claims(rows, holes),
+            claims=[*_claims(rows, holes), _hostile_claim(strange_rows)],
         )  # fmt: skip
 
 
@@ -216,8 +226,8 @@ def _violations(found: dict[str, list[Evaluation]]) -> list[str]:
     return sentences
 
 
-def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    return Table.of("Searches for a silent violation", rows, (
+def _table(title: str, rows: Sequence[dict[str, Any]]) -> Table:
+    return Table.of(title, rows, (
         ("search", "hunt"), ("missions", "missions"), ("refused", "refused"), ("failed", "failed"),
         ("violated", "violated"), ("of them silently", "silently_violated"),
         ("least relative margin", "{least_margin:.3g}"), ("least margin of clearance", "{least_clearance_m:.2f} m"),
@@ -264,6 +274,19 @@ def _claims(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> list[Claim
             "; ".join(hole.text for hole in holes), all(hole.shown for hole in holes),
         ),
     ]  # fmt: skip
+
+
+def _hostile_claim(rows: Sequence[dict[str, Any]]) -> Claim:
+    total, failed, violated, silent = (
+        sum(row[name] for row in rows) for name in ("missions", "failed", "violated", "silently_violated")
+    )
+    return Claim(
+        "search.hostile", "target",
+        "Whatever a stranger's planner, tracker or estimator answers, no bound is broken that is said to be kept.",
+        "beyond the thesis", f"none of {4 * (FEWEST // 2)} missions",
+        f"{silent} silent of {total} missions, {violated} violations in all; {failed} failed",
+        silent == 0 and failed == 0,
+    )  # fmt: skip
 
 
 def _figure(found: dict[str, list[Evaluation]], holes: Sequence[Hole]) -> Figure:
@@ -350,6 +373,7 @@ class Hunt:
     scenario: str = "safe-flight"
     fields: Mapping[str, Any] = field(default_factory=dict)  # at values of their own
     controller: str | None = None
+    estimator: str | None = None
     derived: Callable[[Values], dict[str, Any]] = lambda values: dict(values)  # fields, of the values of the space
     measure: str = f"{FLOWN}:violations"
 
@@ -357,7 +381,7 @@ class Hunt:
         """Return the trial at these values; FieldError if the configuration refuses them."""
         fields = {**self.fields, **self.derived(values)}
         seed = fields.pop("seed")
-        return trial(self.scenario, seed, self.controller, fields=fields, measure=self.measure)
+        return trial(self.scenario, seed, self.controller, self.estimator, fields, self.measure)
 
 
 SEED = Range("seed", 0, SEEDS)
@@ -508,6 +532,45 @@ UPDATES = Hunt(
 )  # fmt: skip
 
 HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
+
+
+# ---- plug-ins of strangers that misbehave, behind the certificate, behind the filter, in a fleet and on a quadrotor
+
+MISBEHAVING = (
+    *(Choice(name, misdeeds) for name, misdeeds in hostile_parts.MISDEEDS.items()),
+    Range("planner.share", 0.02, 1.0), Range("estimator.share", 0.02, 1.0), Range("planner.draw", 0, SEEDS),
+    Range("estimator.draw", 0, SEEDS),
+)  # fmt: skip
+STRANGE_ESTIMATOR = tuple(each for each in MISBEHAVING if each.name.startswith("estimator."))
+STRANGE = f"{hostile_parts.__name__}:Hostile"
+
+
+def _hostile(hunt: Hunt, name: str, **fields: Any) -> Hunt:
+    """Return a hunt in which every part of the vehicles misbehaves; on a quadrotor the estimator alone."""
+    known, whole = {each.name for each in hunt.space}, hunt.scenario != "quadrotor-canyon"
+    more = tuple(each for each in (MISBEHAVING if whole else STRANGE_ESTIMATOR) if each.name not in known)
+    return replace(
+        hunt,
+        name=name,
+        space=(*hunt.space, *more),
+        fields={**hunt.fields, **fields},
+        derived=partial(_beside, hunt.derived, tuple(each.name for each in more)),
+        controller=f"{STRANGE}Flight" if whole else None,
+        estimator=f"{STRANGE}FullState" if whole else f"{STRANGE}QuadrotorState",
+    )
+
+
+def _beside(derived: Callable[[Values], dict[str, Any]], names: Sequence[str], values: Values) -> dict[str, Any]:
+    """Return the fields that ``derived`` makes of all values but those named, and those."""
+    return {**derived({name: values[name] for name in values if name not in names}), **{n: values[n] for n in names}}
+
+
+HOSTILE = (
+    _hostile(SAFE_FLIGHT, "strangers, certified"),
+    _hostile(SAFE_FLIGHT, "strangers, filtered", filter=True),
+    _hostile(FLEET, "strangers in a fleet"),
+    _hostile(QUADROTOR, "a stranger's estimator of a quadrotor"),
+)
 
 
 # ---- controllers with a hole

@@ -66,11 +66,12 @@ def test_a_violation_without_an_event_before_it_is_silent() -> None:
     ("events", "silent"),
     [
         ([(4.0, "guarantee-lost")], False),
-        ([(3.0, "guarantee-lost"), (4.0, "guarantee-regained")], True),
-        ([(3.0, "guarantee-lost"), (4.0, "guarantee-regained"), (4.5, "guarantee-lost")], False),
-        ([(4.0, "tracking-breach"), (4.0, "rebased")], False),  # it has just been seen
-        ([(1.0, "tracking-breach"), (1.0, "rebased")], True),  # and long been answered
-        ([(1.0, "tracking-breach")], False),
+        ([(3.0, "guarantee-lost"), (4.0, "guarantee-held")], True),
+        ([(3.0, "guarantee-lost"), (4.0, "guarantee-held"), (4.5, "guarantee-lost")], False),
+        ([(5.0, "guarantee-endangered")], False),  # at the same instant
+        ([(1.0, "guarantee-endangered"), (2.0, "guarantee-held")], True),
+        ([(0.0, "guarantee-not-yet")], False),
+        ([(1.0, "tracking-breach")], True),  # says nothing of the guarantee
         ([(4.0, "low-clearance")], True),  # a plan that is refused announces nothing
         ([(4.0, "deadline-lost")], True),
     ],

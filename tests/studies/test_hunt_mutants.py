@@ -10,6 +10,7 @@ import pytest
 
 from mathnavi.controllers.flight.certificate import Certificate, remainder
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.guarantee import GuaranteeState
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import tracking_bound
@@ -75,7 +76,8 @@ def test_every_mutant_begins_at_the_start_and_doubts_a_lost_estimate(mutant: Any
     first = planner.plan(PlanRequest(0.0, 0.0, beside, None))
     assert first.x[0].tolist() == flight.start_state.tolist()
     uncertain = dataclasses.replace(beside, covariance=np.eye(6) * 1e4)
-    assert "guarantee-lost" in planner.monitor(PlanRequest(0.1, 2.0, uncertain, first)).notes
+    assert planner.monitor(PlanRequest(0.1, 2.0, uncertain, first)) is None
+    assert planner.guarantee.state is GuaranteeState.LOST
 
 
 def test_one_certificate_does_not_see_the_ground(certificate: Certificate, plan: Plan) -> None:

@@ -26,6 +26,7 @@ _LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot violate 
 _ROUNDING = 1e-9  # [m/s, m/s^2] on a bound
 _INSIDE = 1e-6  # [m] by which a step of the search aims beyond the bound
 _STEP = 0.25  # [m/s^2] of the differences by which the gradient of a margin is taken
+_BRAKING = 0.5  # share of a_max with which a vehicle that is too fast brakes at least
 _ITERATIONS = 12  # of the projection on two balls
 _STEPS = 4  # of the search along the gradient
 _HALVINGS = 8  # of a segment
@@ -97,8 +98,8 @@ def margin_of(limits: Limits, x: Array, u: Array) -> tuple[float, float]:
     """Margin [m] of a command u (3,) [m/s^2] from x (6,) [m, m/s] until the vehicle has stopped, and the climb with it.
 
     The least clearance beyond h_min, or the room at the edge of the map beyond what is kept from it if that is
-    negative; -inf beyond the bounds of speed and acceleration. Of the climbs the first whose margin is not negative
-    counts, else the best.
+    negative; -inf beyond the bounds of speed and acceleration, and where it is too fast and does not brake. Of the
+    climbs the first whose margin is not negative counts, else the best.
     """
     h = limits.period
     before = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
@@ -107,7 +108,7 @@ def margin_of(limits: Limits, x: Array, u: Array) -> tuple[float, float]:
     asked = math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
     best, climb = -np.inf, 0.0
     # Written this way round, so that NaN is beyond them.
-    if not (asked <= limits.acceleration_max + _ROUNDING and after <= max(limits.speed_max, before) + _ROUNDING):
+    if not (asked <= limits.acceleration_max + _ROUNDING and after <= _fastest(limits, before) + _ROUNDING):
         return best, climb
     p = x[:3] + h * x[3:] + 0.5 * h * h * u
     first = _arc_margin(limits, x[:3], x[3:], u, h)
@@ -141,6 +142,12 @@ def margin_of(limits: Limits, x: Array, u: Array) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
+def _fastest(limits: Limits, before: float) -> float:
+    """Greatest speed [m/s] after a command; a vehicle that is too fast before it, after a gust, has to brake."""
+    return max(limits.speed_max, before - _BRAKING * limits.acceleration_max * limits.period)
+
+
+@njit(cache=True, nogil=True)
 def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: int) -> Array:
     """Commands (n, 3) [m/s^2] with margins that are not negative near one that has none.
 
@@ -150,7 +157,7 @@ def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: in
     """
     found = np.empty((budget, 3))
     before = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
-    allowed = max(limits.speed_max, before)
+    allowed = _fastest(limits, before)
     first = _within(proposed, x[3:], allowed, limits)
     count = tried = 0
     best, least = first, np.inf

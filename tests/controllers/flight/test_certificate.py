@@ -14,6 +14,7 @@ import pytest
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time, remainder
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList, complete
+from mathnavi.controllers.flight.guarantee import GuaranteeState
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
@@ -394,7 +395,8 @@ def test_a_vehicle_off_its_plan_without_a_way_on_is_a_loss_that_is_announced(
     under_ground = np.array([*flight.above(mission.terrain, flight.START, -100.0), 0.0, 0.0, 0.0])
     plan = wrapped.plan(dataclasses.replace(request, estimate=Estimate(request.t, under_ground)))
     assert not plan.ok
-    assert {"tracking-breach", "guarantee-lost"} <= set(plan.notes)
+    assert plan.notes == ("tracking-breach",)
+    assert wrapped.guarantee.state is GuaranteeState.LOST
 
 
 def test_the_loss_of_an_estimate_is_announced_once_and_its_return_too(
@@ -407,13 +409,17 @@ def test_the_loss_of_an_estimate_is_announced_once_and_its_return_too(
         request = later_request(good, t)
         return dataclasses.replace(request, estimate=dataclasses.replace(request.estimate, status=Status.LOST))
 
-    announced = wrapped.monitor(lost(3.0))
-    assert announced is not None
-    assert (announced.status, announced.notes) == (Status.LOST, ("guarantee-lost",))
+    assert wrapped.events() == [("guarantee-held", "a certified plan is flown within its tracking bound")]
+    assert wrapped.monitor(lost(3.0)) is None
+    assert wrapped.events() == [("guarantee-lost", Status.LOST.value)]
     assert wrapped.monitor(lost(3.1)) is None
-    assert wrapped.plan(later_request(good, 4.0)).notes[:1] == ("guarantee-regained",)
-    assert wrapped.plan(lost(6.0)).notes[:1] == ("guarantee-lost",)
-    assert wrapped.plan(later_request(good, 8.0)).notes[:1] == ("guarantee-regained",)
+    assert not wrapped.events()
+    for step, t, state in (
+        (wrapped.plan, 4.0, GuaranteeState.HELD), (wrapped.plan, 6.0, GuaranteeState.LOST),
+        (wrapped.monitor, 6.1, GuaranteeState.HELD),
+    ):  # fmt: skip
+        step(lost(t) if state is GuaranteeState.LOST else later_request(good, t))
+        assert [kind for kind, _ in wrapped.events()] == [f"guarantee-{state.value}"]
 
 
 @dataclass(frozen=True)

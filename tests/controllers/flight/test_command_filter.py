@@ -10,6 +10,7 @@ import pytest
 
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.command_filter import CommandFilter
+from mathnavi.controllers.flight.guarantee import GuaranteeState
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.interfaces.signals import Array, Estimate, Message, Status
 from mathnavi.models.aerial.dynamics import flow
@@ -51,7 +52,7 @@ def test_what_is_flown_is_certified_and_clear_whatever_is_proposed(seed: int) ->
     for k, proposed in enumerate(random_commands(rng, 600)):
         answer = safe.step(k * H, Estimate(k * H, x), proposed)
         flown.add(answer.flown)
-        assert not answer.lost
+        assert not answer.announced
         if answer.flown == "proposed":
             assert np.array_equal(answer.u, proposed)
             assert not answer.reason
@@ -135,7 +136,7 @@ def test_in_gusts_and_noise_as_declared_the_ground_is_clear_under_a_diving_polic
     for k in range(1500):
         seen = x + np.concatenate([noise * rng.normal(size=3), np.zeros(3)])
         answer = safe.step(k * H, Estimate(k * H, seen), diving(task, seen))
-        assert not answer.lost
+        assert not answer.announced
         w = w * np.exp(-H / gust.time_constant) + gust.rms * np.sqrt(1.0 - np.exp(-2.0 * H / 3.0)) * rng.normal(size=3)
         assert task.terrain.arc_clearance(x[:3], x[3:], answer.u + w, H) >= task.clearance_min
         x = flow(x, answer.u + w, H)
@@ -145,7 +146,7 @@ def test_a_lost_estimate_is_announced_and_the_stored_plan_flown() -> None:
     task = across()
     safe, x = filter_of(task), at_rest((*task.start[:2], task.start[2] + 300.0))
     command = np.array([5.0, 0.0, 0.0])
-    assert not safe.step(0.0, Estimate(0.0, x), command).lost
+    assert not safe.step(0.0, Estimate(0.0, x), command).announced
     later = flow(x, command, H)
     unsure = np.diag([1e4] * 6)
     for k, estimate in enumerate(
@@ -157,12 +158,12 @@ def test_a_lost_estimate_is_announced_and_the_stored_plan_flown() -> None:
         1,
     ):
         answer = safe.step(k * H, estimate, command)
-        assert answer.lost
+        assert answer.announced
         assert answer.flown == "stored plan"
         assert np.isfinite(answer.u).all()
     back = safe.step(4 * H, Estimate(4 * H, later), command)
-    assert not back.lost
     assert back.flown == "proposed"
+    assert not back.announced
 
 
 def test_a_vehicle_that_has_left_its_bound_is_announced_if_nothing_can_be_certified_from_there() -> None:
@@ -172,10 +173,11 @@ def test_a_vehicle_that_has_left_its_bound_is_announced_if_nothing_can_be_certif
     sideways = safe.step(H, Estimate(H, x + 200.0 * np.eye(6)[0]), np.zeros(3))
     assert sideways.breach
     assert sideways.flown == "proposed"  # certified from there
+    assert safe.guarantee.state is GuaranteeState.HELD
     low = at_rest((*task.start[:2], task.start[2] - 140.0))  # below h_min
     answer = safe.step(2 * H, Estimate(2 * H, low), np.zeros(3))
     assert answer.breach
-    assert answer.lost
+    assert safe.guarantee.state is GuaranteeState.LOST
 
 
 def test_ground_that_turns_out_to_be_higher_is_taken_in() -> None:
@@ -194,8 +196,8 @@ def test_wrong_input_is_refused_and_a_command_that_is_not_finite_is_not_flown() 
     task = across()
     safe, x = filter_of(task), at_rest(task.start)
     answer = safe.step(0.0, Estimate(0.0, x), np.array([np.nan, 0.0, 0.0]))
-    assert answer.flown == "stored plan"
-    assert answer.lost  # nothing was certified before
+    assert answer.flown == "nearest"  # to none, which is certified
+    assert not answer.announced
     for t, state, proposed, expected in (
         (H, x[:5], np.zeros(3), r"state has shape \(5,\); allowed: \(6,\)"),
         (H, x, np.zeros(4), r"command has shape \(4,\); allowed: \(3,\)"),

@@ -192,3 +192,31 @@ def test_a_mocap_body_that_collides_may_come_near_at_any_time() -> None:
     )
     assert ContactFree.applies(mujoco.MjModel.from_xml_string(xml.format(0, 0)), slides=1)
     assert not ContactFree.applies(mujoco.MjModel.from_xml_string(xml.format(1, 1)), slides=1)
+
+
+@pytest.mark.parametrize(
+    ("ball", "pair", "flag"),
+    [
+        ("margin='40'", "", ""),
+        ("margin='40' gap='30'", "", ""),
+        ("contype='0' conaffinity='0'", "<pair geom1='ball' geom2='ground' margin='40'/>", ""),
+        ("", "", "<option o_margin='40'><flag override='enable'/></option>"),
+    ],
+)
+def test_a_contact_that_begins_at_a_distance_is_met_at_that_distance(ball: str, pair: str, flag: str) -> None:
+    """Margins of geoms and pairs, with a gap that leaves a contact without force, and one margin of all."""
+    xml = (
+        f"<mujoco><option timestep='0.01'/>{flag}<worldbody><geom name='ground' type='plane' size='1 1 1'/>"
+        f"<body name='uav' pos='0 0 200'><joint name='z' type='slide' axis='0 0 1'/><geom name='ball' size='1' {ball}/>"
+        f"</body></worldbody><contact>{pair}</contact>"
+        "<actuator><motor name='m' joint='z'/></actuator></mujoco>"
+    )
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, plain = mujoco.MjData(model), mujoco.MjData(model)
+    free = ContactFree(model, data)
+    for _ in range(1000):
+        mujoco.mj_step(free.model if free.ahead(0.01) else model, data)
+        mujoco.mj_step(model, plain)
+        assert data.qpos.tobytes() == plain.qpos.tobytes()
+        assert data.qvel.tobytes() == plain.qvel.tobytes()
+    assert plain.ncon > 0

@@ -27,11 +27,12 @@ class Talks:
     proposed: list[tuple[float, Plan]] = field(default_factory=list)
     taken: list[tuple[float, Plan]] = field(default_factory=list)
     patience: float = np.inf  # [s] since it was last outbox to
+    mute: float = np.inf  # [s] from when on it raises
     briefed: bool = False
 
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
         self.heard += [(t, message) for message in received]
-        if t > 2.0 and self.name == "mute":
+        if t > self.mute:
             raise RuntimeError("no voice")
         planner_messages = () if self.briefed else (Message(t, self.name, "arrival time", 42.0),)
         self.briefed = True
@@ -106,7 +107,7 @@ def test_a_plan_of_the_monitor_is_proposed_and_taken_over_at_once() -> None:
 
 
 def test_a_coordinator_that_raises_has_said_nothing_and_is_on_record() -> None:
-    mute, west = Talks("mute", "west"), Talks("west", "east")
+    mute, west = Talks("east", "west", mute=2.0), Talks("west", "east")
     events, _ = flown(mute, west)
     raised = [event for event in events if event.kind == "coordinator-raised"]
     assert {event.agent for event in raised} == {"east"}
@@ -122,7 +123,9 @@ def test_a_stored_plan_is_flown_from_the_start_and_the_next_one_is_asked_ahead()
     agent = Agent(ReadsState(), planner, Follows(), coordinator=coordinator, stored=stored)
     other = Agent(ReadsState(), Answers(there_and_stop), Follows(), coordinator=Talks("west", "east"))
     simulate(Pair(), {"east": agent, "west": other}, 1.0)
-    assert planner.asked[0].current is stored
+    current = planner.asked[0].current
+    assert current is not None
+    np.testing.assert_array_equal(current.x, stored.x)
     assert planner.asked[0].t_start == pytest.approx(PERIOD)
     assert coordinator.taken[0] == (0.0, stored)
     assert len(coordinator.proposed) == 3

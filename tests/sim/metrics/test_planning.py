@@ -35,7 +35,7 @@ FIRST = plan(0.0, (4.0, CHOSEN), (16.0, AFTER))
         ([(0.0, plan(0.0, (5.0, CHOSEN)))], 0.25),  # and then there is no plan
         ([(0.0, plan(0.0, (8.0, FlightPhase.CLIMB), (12.0, AFTER)))], 1.0),  # its planner marks nothing
         ([(0.0, plan(0.0, (20.0, AFTER), notes=("fallback-plan",)))], 0.0),
-        ([(0.0, FIRST), (10.0, plan(10.0, (20.0, AFTER), notes=("guarantee-lost", "rebased")))], 0.2),
+        ([(0.0, FIRST), (10.0, plan(10.0, (20.0, AFTER), notes=("uncertified-plan", "rebased")))], 0.2),
         ([(0.0, FIRST), (10.0, plan(10.0, (20.0, CHOSEN), notes=("rebased",)))], 0.7),
         ([(5.0, plan(5.0, (30.0, CHOSEN)))], 0.75),  # late in the beginning
     ],
@@ -50,7 +50,7 @@ def test_a_run_without_duration_has_no_share() -> None:
 
 RAISED = Plan.failure(Status.RAISED, "KeyError")
 FALLBACK = dataclasses.replace(FIRST, notes=("fallback-plan",))
-REBASED = dataclasses.replace(FIRST, notes=("guarantee-lost", "rebased"))
+REBASED = dataclasses.replace(FIRST, notes=("uncertified-plan", "rebased"))
 
 
 @pytest.mark.parametrize(

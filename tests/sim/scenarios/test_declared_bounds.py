@@ -18,7 +18,7 @@ from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
 ENDS = {"start": (3000.0, 4000.0, 800.0), "target": (6500.0, 6000.0, 900.0)}
-ANNOUNCED = {"guarantee-lost", "tracking-breach"}
+ANNOUNCED = {"guarantee-lost", "guarantee-endangered"}
 
 
 @given(

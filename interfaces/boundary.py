@@ -1,0 +1,293 @@
+"""Boundary between the loop and a plug-in: whose code it is does not matter here.
+
+What goes in cannot be changed there: its arrays lie over immutable memory, so that no ``setflags`` of an array or of
+its base makes them writable, and the object that holds them is the plug-in's own copy. What comes out is converted and
+checked here, once: type, shape, finite numbers, a symmetric covariance, a time that is neither in the future nor older
+than declared. Whatever is refused, raised or missing is one value, ``Unusable``, with its reason.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mathnavi.interfaces.signals import (
+    NOTHING,
+    Array,
+    Estimate,
+    Message,
+    Outbox,
+    Plan,
+    PlanRequest,
+    Status,
+    where_raised,
+)
+
+T = TypeVar("T")
+
+_HOUSE = __name__.partition(".")[0]
+_ROUNDING = 1e-6  # [s] of a time
+_SYMMETRIC = 1e-6  # share of the greatest variance by which a covariance may differ from its transpose
+
+
+@dataclass(frozen=True)
+class Unusable:
+    """Answer of a plug-in that cannot be used."""
+
+    reason: str
+    status: Status = Status.RAISED  # or MALFORMED, for an answer that says nothing
+
+    @property
+    def plan(self) -> Plan:
+        """The failed plan in place of a planner's answer."""
+        return Plan.failure(self.status, self.reason)
+
+
+class _RefusedError(ValueError):
+    """Reason why an answer is refused."""
+
+    def __init__(self, reason: str, status: Status = Status.MALFORMED) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+def answered(call: Callable[[], T]) -> T | Unusable:
+    """Return what a plug-in answers, or that it raised. KeyboardInterrupt passes."""
+    try:
+        return call()
+    except (Exception, SystemExit) as error:
+        return Unusable(f"{type(error).__name__}: {_said(error)}{where_raised(error)}")
+
+
+def _said(error: BaseException) -> str:
+    """Return the message of an exception, whose ``__str__`` may raise in turn."""
+    try:
+        return str(error)
+    except Exception:
+        return "its message cannot be printed"
+
+
+def _checked(check: Callable[[], T]) -> T | Unusable:
+    """Return an answer as ``check`` converts it; whatever an object of a plug-in does meanwhile makes it unusable."""
+    try:
+        return check()
+    except _RefusedError as error:
+        return Unusable(str(error), error.status)
+    except (Exception, SystemExit) as error:
+        return Unusable(f"{type(error).__name__}: {_said(error)}", Status.MALFORMED)
+
+
+def guest(part: Any) -> str:
+    """Name of the class of a plug-in that is not mathnavi's own; "" for one that is.
+
+    A part of mathnavi that only passes on what another answers names that one as ``wrapped``.
+    """
+    while (inner := getattr(part, "wrapped", None)) is not None and _is_own(type(part)):
+        part = inner
+    return "" if _is_own(type(part)) else type(part).__qualname__.rpartition(".")[2]
+
+
+def _is_own(kind: type) -> bool:
+    """Return True for a class of mathnavi, unless it says itself that it is a ``guest``."""
+    return kind.__module__.partition(".")[0] == _HOUSE and not getattr(kind, "guest", False)
+
+
+def signed(kinds: Sequence[str], name: str) -> tuple[str, ...]:
+    """Return kinds of events that a plug-in reports, with its name (``guest``): they look like no one else's."""
+    return tuple(f"{name}: {kind}" if name else str(kind) for kind in kinds)
+
+
+# ---- what goes in
+
+
+def locked(values: Any) -> Array:
+    """Return a copy of an array as float64 over immutable memory, which no one can make writable."""
+    array = np.asarray(values, dtype=np.float64)
+    copy: Array = np.frombuffer(array.tobytes())
+    return copy if array.ndim == 1 else copy.reshape(array.shape)
+
+
+def _locked_as(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a copy of an array of numbers, of its own type, over immutable memory."""
+    if array.dtype.kind not in "biuf":
+        raise _RefusedError(f"an array of {array.dtype}; allowed: numbers")
+    return np.frombuffer(array.tobytes(), dtype=array.dtype).reshape(array.shape)
+
+
+def own_copy(estimate: Estimate) -> Estimate:
+    """Return an estimate whose arrays are locked, as an object of the plug-in's own."""
+    return Estimate(estimate.t, estimate.x, estimate.covariance, estimate.status, estimate.extra, estimate.message)
+
+
+def handed(request: PlanRequest) -> PlanRequest:
+    """Return a request for a plug-in, whose estimate and plan are locked and objects of the plug-in's own."""
+    estimate, plan = request.estimate, request.current
+    mine = dataclasses.replace(
+        estimate,
+        x=locked(estimate.x),
+        covariance=None if estimate.covariance is None else locked(estimate.covariance),
+        extra={name: _locked_as(np.asarray(values)) for name, values in estimate.extra.items()},
+    )
+    if plan is not None:
+        t, x, u, phase = locked(plan.t), locked(plan.x), locked(plan.u), _locked_as(plan.phase)
+        plan = dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
+    return dataclasses.replace(request, estimate=mine, current=plan)
+
+
+# ---- what comes out
+
+
+def usable_estimate(
+    answer: Any, t: float, before: Estimate | None = None, size: int | None = None, age: float = math.inf
+) -> Estimate | Unusable:
+    """Return an estimator's answer at t [s], its arrays locked and of the sizes of the one ``before``.
+
+    ``size`` is nx if that is known. Its time may be ``age`` [s] past.
+    """
+    return _checked(lambda: _estimate(answer, t, before, size, age))
+
+
+def _estimate(answer: Any, t: float, before: Estimate | None, size: int | None, age: float) -> Estimate:
+    if not isinstance(answer, Estimate):
+        raise _RefusedError(f"update() returned {type(answer).__name__}; allowed: Estimate")
+    if not isinstance(answer.status, Status):
+        raise _RefusedError(f"the estimate's status is {answer.status!r}; allowed: a Status")
+    then = float(answer.t)
+    if not t - age - _ROUNDING <= then <= t + _ROUNDING:
+        oldest = f", and no older than {age:.3g} s" if age < math.inf else ""
+        raise _RefusedError(f"the estimate is of {then!r} s; allowed: {t:.9g} s or before{oldest}")
+    x = locked(answer.x)
+    if x.ndim != 1 or (size is not None and len(x) != size) or (before is not None and len(x) != len(before.x)):
+        nx = "nx" if size is None else size
+        allowed = f"({nx},)" if before is None else f"{before.x.shape}, as before"
+        raise _RefusedError(f"the estimate's state has shape {x.shape}; allowed: {allowed}")
+    if not _finite(x):
+        raise _RefusedError(f"the estimate is {x.tolist()}; allowed: finite numbers")
+    covariance = None if answer.covariance is None else _covariance(answer.covariance)
+    extra = _extra(answer.extra, NOTHING if before is None else before.extra) if answer.extra else NOTHING
+    return Estimate(then, x, covariance, answer.status, extra, str(answer.message))
+
+
+def _finite(values: Array) -> bool:
+    # The square is finite if the values are, short of a length of 1e154, and found sooner.
+    return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
+
+
+def _covariance(values: Any) -> Array:
+    P = locked(values)
+    if P.ndim != 2 or P.shape[0] != P.shape[1]:
+        raise _RefusedError(f"the estimate's covariance has shape {P.shape}; allowed: (n, n)")
+    if (P.diagonal() < 0.0).any():  # NaN says that a variance is not known
+        raise _RefusedError(f"the variances of the estimate are {P.diagonal().tolist()}; allowed: numbers >= 0")
+    if P.tobytes() == P.T.tobytes():
+        return P
+    gap = float(np.abs(P - P.T).max())
+    if gap > _SYMMETRIC * float(np.abs(P).max()):
+        raise _RefusedError(f"the estimate's covariance differs from its transpose by {gap:.3g}; allowed: symmetric")
+    return locked(0.5 * (P + P.T))
+
+
+def _extra(extra: Any, before: Mapping[str, Array]) -> Mapping[str, Array]:
+    outputs = {}
+    for key, values in dict(extra).items():
+        name, output = str(key), _locked_as(np.asarray(values))
+        if name in before and before[name].shape != output.shape:
+            raise _RefusedError(
+                f"the output {name!r} has shape {output.shape}; allowed: {before[name].shape}, as before"
+            )
+        outputs[name] = output
+    return MappingProxyType(outputs)
+
+
+def usable_plan(answer: Any, name: str = "") -> Plan | Unusable:
+    """Return a planner's answer, its arrays locked; ``name`` is that of a guest.
+
+    A plan's arrays fit together and are finite; what they say is for a certificate to check.
+    """
+    return _checked(lambda: _plan(answer, name))
+
+
+def _plan(answer: Any, name: str) -> Plan:
+    if not isinstance(answer, Plan):
+        raise _RefusedError(f"plan() returned {type(answer).__name__}; allowed: Plan")
+    if not isinstance(answer.status, Enum) or not _is_own(type(answer.status)):
+        raise _RefusedError(f"the plan's status is {answer.status!r}; allowed: a Status, or one of the mission's")
+    t, x, u, phase = (
+        locked(answer.t),
+        locked(answer.x),
+        locked(answer.u),
+        _locked_as(np.asarray(answer.phase, np.int64)),
+    )
+    if answer.ok:
+        k = phase.size
+        if not (
+            k
+            and t.shape == (k + 1,)
+            and phase.shape == (k,)
+            and x.ndim == u.ndim == 2
+            and len(x) == len(u) + 1 == k + 1
+        ):
+            shapes = f"t {t.shape}, x {x.shape}, u {u.shape}, phase {phase.shape}"
+            raise _RefusedError(f"the plan's arrays are {shapes}; allowed: (K + 1,), (K + 1, nx), (K, nu), (K,)")
+        for part, values in (("t", t), ("x", x), ("u", u)):
+            if not np.isfinite(values).all():
+                raise _RefusedError(f"the plan's {part} is not finite", Status.NOT_FINITE)
+    return dataclasses.replace(
+        answer,
+        t=t,
+        x=x,
+        u=u,
+        phase=phase,
+        message=str(answer.message),
+        ready=float(answer.ready),
+        cost=float(answer.cost),
+        solve_ms=float(answer.solve_ms),
+        notes=signed(answer.notes, name),
+    )
+
+
+def usable_command(answer: Any, shape: tuple[int, ...]) -> Array | Unusable:
+    """Return a tracker's answer (nu,) as an array of the loop's own."""
+    return _checked(lambda: _command(answer, shape))
+
+
+def _command(answer: Any, shape: tuple[int, ...]) -> Array:
+    command = np.array(answer, dtype=np.float64)
+    if command.shape != shape:
+        raise _RefusedError(f"the command has shape {command.shape}; allowed: {shape}")
+    if not _finite(command):
+        raise _RefusedError(f"the command is {command.tolist()}; allowed: finite numbers")
+    return command
+
+
+def usable_outbox(answer: Any, sender: str) -> Outbox | Unusable:
+    """Return a coordinator's answer; what it sends carries the name of its own vehicle."""
+    return _checked(lambda: _outbox(answer, sender))
+
+
+def _outbox(answer: Any, sender: str) -> Outbox:
+    if not isinstance(answer, Outbox):
+        raise _RefusedError(f"exchange() returned {type(answer).__name__}; allowed: Outbox")
+    sent = [message for _, message in answer.messages]
+    for message in (*sent, *answer.planner_messages):
+        if not isinstance(message, Message) or not math.isfinite(message.t):
+            raise _RefusedError(f"exchange() sends {message!r}; allowed: a Message of a finite time")
+    if forged := [message.sender for message in sent if message.sender != sender]:
+        raise _RefusedError(f"exchange() sends as {forged[0]!r}; allowed: {sender!r}")
+    return answer
+
+
+def usable_events(call: Callable[[], Any], name: str) -> tuple[tuple[str, str], ...]:
+    """Return kind and message of the events that a plug-in reports, with its name; none if it does not report any."""
+    reported = answered(lambda: tuple((str(kind), str(message)) for kind, message in call()))
+    if isinstance(reported, Unusable):
+        return ((f"{name or 'plug-in'}: events-unusable", reported.reason),)
+    return tuple(zip(signed([kind for kind, _ in reported], name), (text for _, text in reported), strict=True))

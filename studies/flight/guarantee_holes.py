@@ -74,7 +74,7 @@ def violations(outcome: RunData) -> dict[str, Any]:
         for each in broken
         if not (_announced(each, outcome.events) or (each.kind == "clearance" and _uncharted(outcome, each.t)))
     ]
-    first = (silent or broken or [None])[0]
+    first = next(iter(silent or broken), None)
     return {
         "violated": bool(broken),
         "silently_violated": bool(silent),

@@ -16,11 +16,10 @@ import numpy as np
 from annotated_types import Interval
 
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
-from mathnavi.controllers.flight.tracker import CriticallyDamped
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.interfaces.bounds import configuration
-from mathnavi.interfaces.protocols import Planner
+from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Plan, PlanRequest, Status
 from mathnavi.models.aerial.mission import FlightMission
 
@@ -66,8 +65,9 @@ class HostileFlight(FlightController):
     Config = HostileFlightConfig
 
     @staticmethod
-    def build(config: HostileFlightConfig, mission: FlightMission) -> tuple[HostilePlanner, HostileTracker]:
+    def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         """Return planner and tracker."""
+        assert isinstance(config, HostileFlightConfig)
         planner, tracker = FlightController.build(config, mission)
         rng = np.random.default_rng(config.draw)
         return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng)
@@ -98,7 +98,7 @@ class HostilePlanner:
         """What else the planner offers, for instance to a fleet."""
         return getattr(self._planner, name)
 
-    def plan(self, request: PlanRequest) -> Plan:
+    def plan(self, request: PlanRequest) -> Any:
         """Return a plan, or commit the misdeed."""
         misdeed = self._config.misdeed
         for plan in self._kept:
@@ -122,7 +122,7 @@ class HostilePlanner:
         if misdeed == "none-at-all":
             return None
         if misdeed == "lists" or not plan.ok:
-            return dataclasses.replace(plan, t=plan.t.tolist(), x=plan.x.tolist(), u=plan.u.tolist())  # type: ignore[arg-type]
+            return dataclasses.replace(plan, t=plan.t.tolist(), x=plan.x.tolist(), u=plan.u.tolist())
         x = plan.x.copy()
         answers: dict[str, Callable[[], Any]] = {
             "nan": lambda: dataclasses.replace(plan, x=np.full_like(x, np.nan)),
@@ -146,7 +146,7 @@ class HostileTracker:
 
     guest = True
 
-    def __init__(self, tracker: CriticallyDamped, config: HostileFlightConfig, rng: np.random.Generator) -> None:
+    def __init__(self, tracker: Any, config: HostileFlightConfig, rng: np.random.Generator) -> None:
         self.period, self.bound, self.held = tracker.period, tracker.bound, tracker.held
         self._tracker, self._config, self._rng = tracker, config, rng
 
@@ -195,10 +195,10 @@ class _Misdeeds:
         stale = next((each for each in reversed(self._past) if each.t <= t - 1.0), self._past[0])
         answers: dict[str, Any] = {
             "none-at-all": None,
-            "lists": dataclasses.replace(good, x=good.x.tolist()),  # type: ignore[arg-type]
+            "lists": dataclasses.replace(good, x=good.x.tolist()),
             "nan": dataclasses.replace(good, x=good.x * np.nan),
             "nine": dataclasses.replace(good, x=np.zeros(9)),
-            "covariance-lists": dataclasses.replace(good, covariance=P.tolist()),  # type: ignore[arg-type]
+            "covariance-lists": dataclasses.replace(good, covariance=P.tolist()),
             "covariance-nan": dataclasses.replace(good, covariance=P * np.nan),
             "covariance-torn": dataclasses.replace(good, covariance=P + np.triu(np.ones(P.shape), 1)),
             "negative": dataclasses.replace(good, covariance=-P - np.eye(len(P))),

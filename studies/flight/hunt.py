@@ -536,7 +536,7 @@ HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 # ---- plug-ins of strangers that misbehave, behind the certificate, behind the filter, in a fleet and on a quadrotor
 
-MISBEHAVING = (
+MISBEHAVING: tuple[Dimension, ...] = (
     *(Choice(name, misdeeds) for name, misdeeds in hostile_parts.MISDEEDS.items()),
     Range("planner.share", 0.02, 1.0), Range("estimator.share", 0.02, 1.0), Range("planner.draw", 0, SEEDS),
     Range("estimator.draw", 0, SEEDS),

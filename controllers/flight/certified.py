@@ -191,8 +191,8 @@ class Certified:
             return self._left(request, current, far, notes)
         if (danger := self._danger(current, request.t)) is not None:
             # Of a doubted estimate the position is unknown: the plan is the best guess, as it is at all other times.
-            plan, evidence = self._endangered(request, current, danger, notes)
-            return plan, dataclasses.replace(evidence, waiting=doubted.waiting, doubt=doubted.doubt)
+            answer, evidence = self._endangered(request, current, danger, notes)
+            return answer, dataclasses.replace(evidence, waiting=doubted.waiting, doubt=doubted.doubt)
         plan = self._judged(self._planner, request)
         notes += self._arrival.following(current, plan, self._certificate)
         return dataclasses.replace(plan, notes=notes + plan.notes), self._on_plan(request.estimate, doubted)

@@ -63,12 +63,12 @@ class TrackingBound:
             if value is not None and not value >= 0.0:  # nor is NaN
                 raise ArgumentError(f"tracking bound: {name} = {value!r}; allowed: >= 0")
 
-    def broken_by(self, error: Array) -> bool:
+    def broken_by(self, error: Array | tuple[float, float, float]) -> bool:
         """True if an error of the state lies outside, whose first three numbers are those of the position [m]."""
         # Written this way round, so that NaN lies outside.
         return not (math.hypot(error[0], error[1]) <= self.horizontal and abs(error[2]) <= self.vertical)
 
-    def how_far(self, error: Array) -> str:
+    def how_far(self, error: Array | tuple[float, float, float]) -> str:
         """Say by how much an error of the state lies outside; "" for one within."""
         if not self.broken_by(error):
             return ""

@@ -38,6 +38,7 @@ from mathnavi.interfaces.errors import ArgumentError, PluginError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.kernels import offset_from
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
@@ -231,7 +232,8 @@ class Certified:
     def _breach(self, request: PlanRequest) -> str:
         """Say how far outside its tracking bound the vehicle is; "" for one within."""
         assert request.current is not None
-        return self._bound.how_far(request.estimate.x - state_at(request.current, request.t))
+        plan = request.current
+        return self._bound.how_far(offset_from(plan.t, plan.x, plan.u, request.t, request.estimate.x))
 
     def _left(self, request: PlanRequest, current: Plan, far: str, notes: tuple[str, ...]) -> Decision:
         """Fly on from the estimate of a vehicle that has left its plan."""

@@ -37,6 +37,7 @@ from mathnavi.controllers.flight.command_filter import TrackedCommandFilter
 from mathnavi.controllers.quadrotor.bound import tracking_bound
 from mathnavi.controllers.quadrotor.similarity import Similarity
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker
+from mathnavi.interfaces.boundary import Unusable, answered, usable_estimate
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Plan
@@ -214,9 +215,10 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
 
 def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, plan: Plan) -> None:
     """Raise PluginError for an estimator without the estimates that the tracker needs."""
-    estimate = stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
-    if not estimate.status.usable:
-        return  # not enough readings yet to decide
+    first = answered(lambda: stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT)))
+    estimate = first if isinstance(first, Unusable) else usable_estimate(first, 0.0)
+    if isinstance(estimate, Unusable) or not estimate.status.usable:
+        return  # an answer that cannot be used, or not enough readings yet to decide
     try:
         stack.tracker.command(0.0, estimate, plan)
     except ValueError as error:

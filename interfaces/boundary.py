@@ -117,29 +117,29 @@ def locked(values: Any) -> Array:
 
 def _locked_as(array: NDArray[Any]) -> NDArray[Any]:
     """Return a copy of an array of numbers, of its own type, over immutable memory."""
+    return np.frombuffer(_of_numbers(array).tobytes(), dtype=array.dtype).reshape(array.shape)
+
+
+def _of_numbers(array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.kind not in "biuf":
         raise _RefusedError(f"an array of {array.dtype}; allowed: numbers")
-    return np.frombuffer(array.tobytes(), dtype=array.dtype).reshape(array.shape)
+    return array
 
 
 def own_copy(estimate: Estimate) -> Estimate:
-    """Return an estimate whose arrays are locked, as an object of the plug-in's own."""
-    return Estimate(estimate.t, estimate.x, estimate.covariance, estimate.status, estimate.extra, estimate.message)
+    """Return an estimate for a plug-in: its arrays are locked, and it is an object of the plug-in's own."""
+    covariance = None if estimate.covariance is None else locked(estimate.covariance)
+    extra = {name: _locked_as(np.asarray(values)) for name, values in estimate.extra.items()}
+    return Estimate(estimate.t, locked(estimate.x), covariance, estimate.status, extra, estimate.message)
 
 
 def handed(request: PlanRequest) -> PlanRequest:
     """Return a request for a plug-in, whose estimate and plan are locked and objects of the plug-in's own."""
-    estimate, plan = request.estimate, request.current
-    mine = dataclasses.replace(
-        estimate,
-        x=locked(estimate.x),
-        covariance=None if estimate.covariance is None else locked(estimate.covariance),
-        extra={name: _locked_as(np.asarray(values)) for name, values in estimate.extra.items()},
-    )
+    plan = request.current
     if plan is not None:
         t, x, u, phase = locked(plan.t), locked(plan.x), locked(plan.u), _locked_as(plan.phase)
         plan = dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
-    return dataclasses.replace(request, estimate=mine, current=plan)
+    return dataclasses.replace(request, estimate=own_copy(request.estimate), current=plan)
 
 
 # ---- what comes out
@@ -148,7 +148,7 @@ def handed(request: PlanRequest) -> PlanRequest:
 def usable_estimate(
     answer: Any, t: float, before: Estimate | None = None, size: int | None = None, age: float = math.inf
 ) -> Estimate | Unusable:
-    """Return an estimator's answer at t [s], its arrays locked and of the sizes of the one ``before``.
+    """Return an estimator's answer at t [s], with arrays of the loop's own and of the sizes of the one ``before``.
 
     ``size`` is nx if that is known. Its time may be ``age`` [s] past.
     """
@@ -164,7 +164,7 @@ def _estimate(answer: Any, t: float, before: Estimate | None, size: int | None, 
     if not t - age - _ROUNDING <= then <= t + _ROUNDING:
         oldest = f", and no older than {age:.3g} s" if age < math.inf else ""
         raise _RefusedError(f"the estimate is of {then!r} s; allowed: {t:.9g} s or before{oldest}")
-    x = locked(answer.x)
+    x = np.array(answer.x, dtype=np.float64)
     if x.ndim != 1 or (size is not None and len(x) != size) or (before is not None and len(x) != len(before.x)):
         nx = "nx" if size is None else size
         allowed = f"({nx},)" if before is None else f"{before.x.shape}, as before"
@@ -182,7 +182,7 @@ def _finite(values: Array) -> bool:
 
 
 def _covariance(values: Any) -> Array:
-    P = locked(values)
+    P: Array = np.array(values, dtype=np.float64)
     if P.ndim != 2 or P.shape[0] != P.shape[1]:
         raise _RefusedError(f"the estimate's covariance has shape {P.shape}; allowed: (n, n)")
     if (P.diagonal() < 0.0).any():  # NaN says that a variance is not known
@@ -192,13 +192,13 @@ def _covariance(values: Any) -> Array:
     gap = float(np.abs(P - P.T).max())
     if gap > _SYMMETRIC * float(np.abs(P).max()):
         raise _RefusedError(f"the estimate's covariance differs from its transpose by {gap:.3g}; allowed: symmetric")
-    return locked(0.5 * (P + P.T))
+    return 0.5 * (P + P.T)
 
 
 def _extra(extra: Any, before: Mapping[str, Array]) -> Mapping[str, Array]:
     outputs = {}
     for key, values in dict(extra).items():
-        name, output = str(key), _locked_as(np.asarray(values))
+        name, output = str(key), _of_numbers(np.array(values))
         if name in before and before[name].shape != output.shape:
             raise _RefusedError(
                 f"the output {name!r} has shape {output.shape}; allowed: {before[name].shape}, as before"

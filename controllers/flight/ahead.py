@@ -33,7 +33,7 @@ TRACKING: tuple[Signature, ...] = (
 )
 CERTIFYING: tuple[Signature, ...] = (
     (state_on, (*PLAN, float64)),
-    (offset_from, (*PLAN, float64, ONE_READ)),
+    (offset_from, (*PLAN, float64, ONE)),
     (_along_arcs, (ONE, TWO, TWO)),
     (_extent, (ONE, TWO, TWO, int64)),
     (surface, (*GROUND, ONE, ONE)),

@@ -331,8 +331,10 @@ class Certified:
 
     def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
         """The planner's plan if it may be flown, otherwise a failure."""
-        answer = answered(lambda: planner.plan(handed(request)))
-        plan = answer if isinstance(answer, Unusable) else usable_plan(answer, guest(planner))
+        name = guest(planner)
+        asked = handed(request) if name else request
+        answer = answered(lambda: planner.plan(asked))
+        plan = answer if isinstance(answer, Unusable) else usable_plan(answer, name)
         return plan.plan if isinstance(plan, Unusable) else self._examined(plan, request)
 
     def _examined(self, plan: Plan, request: PlanRequest) -> Plan:

@@ -36,7 +36,7 @@ from mathnavi.controllers.flight.guarantee import Evidence, Guarantee, doubt
 from mathnavi.controllers.flight.kernels.stopping import Limits, completed, margin_of, nearest
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
-from mathnavi.interfaces.boundary import Unusable, answered, own_copy, usable_command
+from mathnavi.interfaces.boundary import Unusable, answered, guest, own_copy, usable_command
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
@@ -326,7 +326,7 @@ class FilteredTracker:
 
     def __init__(self, tracker: Tracker, command_filter: CommandFilter) -> None:
         self.period, self.bound = command_filter.period, command_filter.bound
-        self._tracker, self._filter = tracker, command_filter
+        self._tracker, self._filter, self._guest = tracker, command_filter, guest(tracker)
         self._proposed, self._next = _NO_COMMAND, -np.inf  # the command held, and when the next is due [s]
         self._steps = self._interventions = 0
         self._least = np.inf  # [m] margin so far
@@ -360,8 +360,9 @@ class FilteredTracker:
         """The command (3,) that the tracker proposes; NaN if there is none."""
         if plan is None:
             return _NO_COMMAND
-        mine = dataclasses.replace(plan)
-        answer = answered(lambda: self._tracker.command(t, own_copy(estimate), mine))
+        if self._guest:
+            estimate, plan = own_copy(estimate), dataclasses.replace(plan)
+        answer = answered(lambda: self._tracker.command(t, estimate, plan))
         command = answer if isinstance(answer, Unusable) else usable_command(answer, (3,))
         usable, before = not isinstance(command, Unusable), self._usable
         self._usable = usable

@@ -134,11 +134,11 @@ class CriticallyDamped:
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """Acceleration (3,) [m/s^2] at ``t`` [s] that tracks the plan."""
-        x, gust = np.array(estimate.x), estimate.extra.get("gust", _STILL)
+        x, gust = estimate.x, estimate.extra.get("gust", _STILL)
         if x.shape != (6,):  # compiled code would read on
             raise ArgumentError(f"the estimate's state has shape {x.shape}; allowed: (6,)")
         # Another gust than (3,) is none, which the guarantee knows (``guarantee.doubt``).
-        gust = np.array(gust if gust.shape == (3,) and np.isfinite(gust).all() else _STILL)
+        gust = gust if gust.shape == (3,) and np.isfinite(gust).all() else _STILL
         command: Array = tracking_command(plan.t, plan.x, plan.u, t, self.period, x, gust, self._bandwidth, self._limit)
         return command
 

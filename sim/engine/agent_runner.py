@@ -25,7 +25,6 @@ from mathnavi.interfaces.boundary import (
     answered,
     guest,
     handed,
-    locked,
     own_copy,
     usable_command,
     usable_estimate,
@@ -260,12 +259,12 @@ class AgentRunner:
         """The estimate at t [s] without the estimator: the last one, or the declared start, moved on as declared."""
         start, last = self.agent.start, self.estimate
         if last is None and start is not None:
-            last = Estimate(t, locked(start))
+            last = Estimate(t, start.copy())
         if last is None:
             return None
         x, then, flow = last.x, last.t, self.agent.flow
         if flow is not None and t > then:
-            x, then = locked(flow(x, self.command, t - then)), t
+            x, then = flow(x, self.command, t - then), t
         return Estimate(then, x, last.covariance, Status.LOST, last.extra)
 
     def _of_coordinator(self, t: float, call: Callable[[Coordinator], Any], otherwise: T, check: type[T]) -> T:
@@ -352,6 +351,8 @@ class AgentRunner:
         answer = self._answer(component, lambda: call(request))
         if answer is None and component == MONITOR:
             return None
+        if isinstance(answer, Plan) and not name:
+            return answer
         plan = answer if isinstance(answer, Unusable) else usable_plan(answer, name)
         return plan.plan if isinstance(plan, Unusable) else plan
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mathnavi.estimators.plausibility.checks import Recording, finished, misread
-from mathnavi.interfaces.errors import FieldError, LogError
+from mathnavi.interfaces.boundary import Unusable, usable_estimate
+from mathnavi.interfaces.errors import FieldError, LogError, PluginError
 from mathnavi.interfaces.failures import raising
 from mathnavi.interfaces.fields import configured
 from mathnavi.interfaces.joint_states import UNIT, QuaternionOrder, check_quaternion_order, scalar_first
@@ -255,7 +256,11 @@ def estimate(
         rows = ((each, values[k]) for each, values in readings.items())
         read = tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
         with of_stranger(spec.plugin, f"estimators: {name!r}: update() at {t:g} s failed:"):
-            found_at.append(estimator.update(t, read, commands[k]))
+            answer = estimator.update(t, read, commands[k])
+        judged = usable_estimate(answer, t, found_at[-1] if found_at else None)
+        if isinstance(judged, Unusable) and not (isinstance(answer, Estimate) and not answer.status.usable):
+            raise PluginError(f"estimators: {name!r}: update() at {t:g} s: {judged.reason}")
+        found_at.append(answer if isinstance(judged, Unusable) else judged)
     read_by = {sensor.name for sensor in sensors}
     unread = {each: _count(rows) for each, rows in log.readings.items() if each not in read_by}
     return _history(name, found_at, unread)

@@ -18,7 +18,8 @@ from mathnavi.sim.search.evaluation import Evaluator
 from mathnavi.sim.search.space import drawn
 from mathnavi.studies.flight import hunt as hunt_study
 from mathnavi.studies.flight.guarantee_holes import ANNOUNCED, clearance_in_bounds, violations
-from mathnavi.studies.flight.hunt import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hole, Hunt
+from mathnavi.studies.flight.hunt import Hole
+from mathnavi.studies.flight.hunt_spaces import FLEET, HOLES, QUADROTOR, SAFE_FLIGHT, UPDATES, Hunt
 from mathnavi.studies.framework.study import Setup
 
 T = np.arange(0.0, 10.0, 0.1)

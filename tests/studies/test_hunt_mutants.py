@@ -29,7 +29,7 @@ from mathnavi.studies.flight.guarantee_holes import (
     NoClearanceCheck,
     NoStartCheck,
 )
-from mathnavi.studies.flight.hunt import HOLES, HoledHunt
+from mathnavi.studies.flight.hunt_spaces import HOLES, HoledHunt
 from tests.flight import mission
 
 CONFIG = FlightConfig()

@@ -25,7 +25,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.flight.hunt import SAFE_FLIGHT, UPDATES
+from mathnavi.studies.flight.hunt_spaces import HOSTILE, SAFE_FLIGHT, UPDATES
 from mathnavi.studies.framework import study
 from mathnavi.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
 from mathnavi.studies.introduction.cost_measurement import CURVES
@@ -74,7 +74,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
     "terrain": {"synthetic": 2, "real": 1, "plans": 10},
-    "hunt": {"missions": 2, "tries": 1, "draws": 1, "repeats": 1},
+    "hunt": {"missions": 2, "hostile": 2, "tries": 1, "draws": 1, "repeats": 1},
 }
 STUDIES = "mathnavi.studies"
 SHORT = {"DURATION": 6.0, "TIMES": (2.0, 4.0, 6.0)}  # [s]
@@ -84,7 +84,11 @@ SMALL_CURVES = {
 }
 SMALLER: dict[str, dict[str, Any]] = {
     "guarantees": {"flight.guarantees._TIMED": 4.0},
-    "hunt": {"flight.hunt.HUNTS": (SAFE_FLIGHT, UPDATES), "flight.hunt.COLOURS": ("#2166ac", "#e08214")},
+    "hunt": {
+        "flight.hunt.HUNTS": (SAFE_FLIGHT, UPDATES),
+        "flight.hunt.HOSTILE": HOSTILE[:1],
+        "flight.hunt.COLOURS": ("#2166ac", "#e08214"),
+    },
     "arrival": {"fleet.arrival.SIZES": (2,), "fleet.arrival.PRINTED_SIZE": 2},
     "consensus": {"fleet.consensus.ROUNDS": (40, 80, 160), "fleet.consensus._FRACTIONS": (0.9, 1.1, 1.5)},
     "range-convergence": {
@@ -169,7 +173,7 @@ CLAIMS = {
     "separation": {"fleet.separation", "fleet.cost"},
     "fleet-peers": {"fleet.peers"},
     "terrain": {"terrain.faithful"},
-    "hunt": {"search.safe", "search.power"},
+    "hunt": {"search.safe", "search.hostile", "search.power"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",

@@ -81,6 +81,8 @@ def doubt(estimate: Estimate, worst: tuple[float, float]) -> str:
     """
     if not estimate.status.usable or (estimate.covariance is None and estimate.status is not Status.OK):
         return str(estimate.status.value)
+    if estimate.x.shape != (6,):
+        return f"the estimate's state has shape {estimate.x.shape}; allowed: (6,)"
     gust = estimate.extra.get("gust")
     if gust is not None and not (gust.shape == (3,) and np.isfinite(gust).all()):
         return f"the estimate's gust is {gust.tolist()}; allowed: three finite numbers"

@@ -260,16 +260,16 @@ def test_a_guarantee_that_was_lost_is_regained_when_there_is_a_plan_again() -> N
     assert [kind for kind, _ in planner.events()] == ["guarantee-held", "guarantee-lost", "guarantee-held"]
 
 
-def test_messages_with_a_malformed_request_are_not_forgotten() -> None:
+def test_a_map_is_checked_whatever_the_estimate_is_and_a_state_of_another_size_is_a_loss() -> None:
     planner, current = certified()
     t = 6 * planner.period
     x, y, _ = state_at(current, t + 8.0)[:3]
     ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 900.0, 900.0),))
     messages = (Message(t, "survey", TERRAIN, ground),)
     malformed = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, np.zeros(7)), current, messages))
-    assert not malformed.ok
+    assert "plan-endangered" in malformed.notes
     assert planner.guarantee.state is GuaranteeState.LOST
-    assert "plan-endangered" in asked(planner, current, t + planner.period).notes
+    assert planner.guarantee.reason == "the estimate's state has shape (7,); allowed: (6,)"
 
 
 def test_messages_that_cannot_be_are_recorded_and_change_nothing() -> None:

@@ -35,6 +35,7 @@ T = TypeVar("T")
 
 _HOUSE = __name__.partition(".")[0]
 _ROUNDING = 1e-6  # [s] of a time
+_RELATIVE = 1e-6  # rounding of the length of a command
 _SYMMETRIC = 1e-6  # share of the greatest variance by which a covariance may differ from its transpose
 
 
@@ -135,11 +136,14 @@ def own_copy(estimate: Estimate) -> Estimate:
 
 def handed(request: PlanRequest) -> PlanRequest:
     """Return a request for a plug-in, whose estimate and plan are locked and objects of the plug-in's own."""
-    plan = request.current
-    if plan is not None:
-        t, x, u, phase = locked(plan.t), locked(plan.x), locked(plan.u), _locked_as(plan.phase)
-        plan = dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
+    plan = None if request.current is None else locked_plan(request.current)
     return dataclasses.replace(request, estimate=own_copy(request.estimate), current=plan)
+
+
+def locked_plan(plan: Plan) -> Plan:
+    """Return a copy of a plan with locked arrays."""
+    t, x, u, phase = locked(plan.t), locked(plan.x), locked(plan.u), _locked_as(np.asarray(plan.phase, np.int64))
+    return dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
 
 
 # ---- what comes out
@@ -220,12 +224,8 @@ def _plan(answer: Any, name: str) -> Plan:
         raise _RefusedError(f"plan() returned {type(answer).__name__}; allowed: Plan")
     if not isinstance(answer.status, Enum) or not _is_own(type(answer.status)):
         raise _RefusedError(f"the plan's status is {answer.status!r}; allowed: a Status, or one of the mission's")
-    t, x, u, phase = (
-        locked(answer.t),
-        locked(answer.x),
-        locked(answer.u),
-        _locked_as(np.asarray(answer.phase, np.int64)),
-    )
+    plan = locked_plan(answer)
+    t, x, u, phase = plan.t, plan.x, plan.u, plan.phase
     if answer.ok:
         k = phase.size
         if not (
@@ -241,11 +241,7 @@ def _plan(answer: Any, name: str) -> Plan:
             if not np.isfinite(values).all():
                 raise _RefusedError(f"the plan's {part} is not finite", Status.NOT_FINITE)
     return dataclasses.replace(
-        answer,
-        t=t,
-        x=x,
-        u=u,
-        phase=phase,
+        plan,
         message=str(answer.message),
         ready=float(answer.ready),
         cost=float(answer.cost),
@@ -254,17 +250,19 @@ def _plan(answer: Any, name: str) -> Plan:
     )
 
 
-def usable_command(answer: Any, shape: tuple[int, ...]) -> Array | Unusable:
-    """Return a tracker's answer (nu,) as an array of the loop's own."""
-    return _checked(lambda: _command(answer, shape))
+def usable_command(answer: Any, shape: tuple[int, ...], longest: float = math.inf) -> Array | Unusable:
+    """Return a tracker's answer (nu,) as an array of the loop's own; ``longest`` is the greatest length allowed."""
+    return _checked(lambda: _command(answer, shape, longest))
 
 
-def _command(answer: Any, shape: tuple[int, ...]) -> Array:
+def _command(answer: Any, shape: tuple[int, ...], longest: float) -> Array:
     command = np.array(answer, dtype=np.float64)
     if command.shape != shape:
         raise _RefusedError(f"the command has shape {command.shape}; allowed: {shape}")
     if not _finite(command):
         raise _RefusedError(f"the command is {command.tolist()}; allowed: finite numbers")
+    if command.dot(command) > (longest * (1.0 + _RELATIVE)) ** 2:
+        raise _RefusedError(f"the command is {command.tolist()}; allowed: a length of at most {longest:g}")
     return command
 
 

@@ -378,21 +378,21 @@ class FilteredPlanner:
 
     def __init__(self, planner: Planner, bound: TrackingBound, command_filter: CommandFilter) -> None:
         """``bound`` is that of the planner's own tracker."""
-        self.period = planner.period
-        self._planner, self._bound, self._filter = planner, bound, command_filter
+        self.period, self.wrapped = planner.period, planner
+        self._bound, self._filter = bound, command_filter
 
     def plan(self, request: PlanRequest) -> Plan:
         """Return the planner's plan."""
         self._filter.updated_with(request.messages)
         current = request.current
         if current is None or not self._bound.broken_by(request.estimate.x - state_at(current, request.t)):
-            return self._planner.plan(request)
-        return self._planner.plan(dataclasses.replace(request, t_start=request.t, current=None))
+            return self.wrapped.plan(request)
+        return self.wrapped.plan(dataclasses.replace(request, t_start=request.t, current=None))
 
     def monitor(self, request: PlanRequest) -> Plan | None:
         """Pass messages that arrive between two planning instants on to the planner."""
         self._filter.updated_with(request.messages)
-        monitor = getattr(self._planner, "monitor", None)
+        monitor = getattr(self.wrapped, "monitor", None)
         answer: Plan | None = None if monitor is None else monitor(request)
         return answer
 

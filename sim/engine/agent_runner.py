@@ -25,6 +25,7 @@ from mathnavi.interfaces.boundary import (
     answered,
     guest,
     handed,
+    locked_plan,
     own_copy,
     usable_command,
     usable_estimate,
@@ -133,6 +134,7 @@ class Agent:
     flow: Callable[[Array, Array, float], Array] | None = None  # state after an input (nu,) was held for [s]
     spare: Tracker | None = None  # flies the plan where the tracker's command cannot be used
     estimate_age: float = math.inf  # [s] that the time of an estimate may be past
+    command_max: float = math.inf  # greatest length of a command
 
 
 @dataclass
@@ -201,7 +203,7 @@ class AgentRunner:
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track if they are due at tick k, t [s]; ``row`` is that of the log."""
         if self.plan is None and self.agent.stored is not None:
-            self._take_over(t, self.agent.stored)
+            self._take_over(t, locked_plan(self.agent.stored))
         self.observe(row, k, t, readings)
         if self.estimate is not None:
             self._act(k, t, self.estimate)
@@ -351,8 +353,6 @@ class AgentRunner:
         answer = self._answer(component, lambda: call(request))
         if answer is None and component == MONITOR:
             return None
-        if isinstance(answer, Plan) and not name:
-            return answer
         plan = answer if isinstance(answer, Unusable) else usable_plan(answer, name)
         return plan.plan if isinstance(plan, Unusable) else plan
 
@@ -433,4 +433,6 @@ class AgentRunner:
         if self.guests["tracker"]:
             estimate, plan = own_copy(estimate), None if plan is None else replace(plan)
         answer = self._answer(TRACKER, lambda: tracker.command(t, estimate, plan))  # type: ignore[arg-type]
-        return answer if isinstance(answer, Unusable) else usable_command(answer, self.command.shape)
+        if isinstance(answer, Unusable):
+            return answer
+        return usable_command(answer, self.command.shape, self.agent.command_max)

@@ -6,6 +6,7 @@ flown without a certificate.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -52,15 +53,19 @@ class FlightAssurance:
         return (planner if self.certifier is None else self.certifier(planner, self.mission, tracker)), tracker
 
 
-def assured(mission: FlightMission, tracker: Any) -> dict[str, Any]:
+def assured(mission: FlightMission, tracker: Any, *, guaranteed: bool = True) -> dict[str, Any]:
     """Fields of the agent of a point mass by which it flies on without its estimator, and without its tracker.
 
     Its estimates are of the present, and where one is missing the mission's motion is the best guess. A plan is tracked
-    with the tracker's own bound.
+    with the tracker's own bound. Where the flight is ``guaranteed`` no command is stronger than a_max.
     """
     bandwidth = min(FlightConfig.bandwidth, FASTEST / mission.control_period)
     spare = CriticallyDamped(mission.control_period, bandwidth, tracker.bound)
-    return {"start": mission.start_state, "flow": mission.flow, "spare": spare, "estimate_age": 0.0}
+    strongest = mission.acceleration_max if guaranteed else math.inf
+    return {
+        "start": mission.start_state, "flow": mission.flow, "spare": spare, "estimate_age": 0.0,
+        "command_max": strongest,
+    }  # fmt: skip
 
 
 class FirstPlans:

@@ -98,7 +98,11 @@ class SafeFlight:
         terrain = terrain_record(flight.mission.terrain, config.terrain, hills=config.uncharted)
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=1.0),
-            {VEHICLE: stack.agent(messages=messages, **assured(mission, stack.tracker))},
+            {
+                VEHICLE: stack.agent(
+                    messages=messages, **assured(mission, stack.tracker, guaranteed=assurance.guaranteed)
+                )
+            },
             duration,
             partial(finished, flight, body),
             partial(summarise, flight, stack.planner, stack.tracker, assurance.guaranteed, seed),

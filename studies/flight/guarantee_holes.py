@@ -44,7 +44,7 @@ HELD = "guarantee-held"
 UNGUARANTEED = "separation-unguaranteed"
 DELAYS = ("deadline-lost", "deadline-moved", "missed-pass", "arrival-lost")
 CONTACTS = ("ground-contact", "vehicle-contact")
-_ROUNDING = 1e-6  # of a speed
+_ROUNDING = 1e-6  # of a speed, and of an acceleration
 ANNOUNCED = 1.0  # the margin of a mission whose violation was announced: of no interest
 
 
@@ -61,12 +61,12 @@ class _Found:
 def violations(outcome: RunData) -> dict[str, Any]:
     """A measure: the least relative margin of a mission, and its first violation.
 
-    ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s, (v_max - speed) / v_max
-    and (deadline - arrival) / deadline, and ``ANNOUNCED`` if every violation was announced: a search for a silent
+    ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s, (v_max - speed) / v_max,
+    (a_max - |u|) / a_max of commands u, if that is negative, and (deadline - arrival) / deadline, and ``ANNOUNCED`` if every violation was announced: a search for a silent
     violation minimises it. A violation at a hill that no map shows yet cannot be announced, and counts as announced. A
     flight behind the filter promises no deadline.
     """
-    found = [_clearance(outcome), *_separation(outcome), *_speed(outcome), *_deadline(outcome)]
+    found = [_clearance(outcome), *_separation(outcome), *_speed(outcome), *_acceleration(outcome), *_deadline(outcome)]
     margin = min(each.margin for each in found)
     broken = sorted((each for each in found if each.margin < 0.0), key=lambda each: (each.t, each.kind))
     silent = [
@@ -121,11 +121,26 @@ def _speed(outcome: RunData) -> list[_Found]:
     place = slice(7, 10) if outcome.config["scenario"] == "quadrotor-canyon" else slice(3, 6)
     found = []
     for name, x in outcome.recording.truths.items():
-        speed, t = np.linalg.norm(x[:, place], axis=1), outcome.recording.t
-        fast = speed > most * (1.0 + _ROUNDING)
-        k = int(np.argmax(fast)) if fast.any() else int(speed.argmax())
-        found.append(_Found("speed", (most * (1.0 + _ROUNDING) - float(speed.max())) / most, float(t[k]), (name,)))
+        found.append(_most("speed", np.linalg.norm(x[:, place], axis=1), most, outcome.recording.t, name))
     return found
+
+
+def _acceleration(outcome: RunData) -> list[_Found]:
+    """Margins of the commanded accelerations of point masses that are broken: a planner may use all of a_max."""
+    most, recording = outcome.config["fields"].get("acceleration_max"), outcome.recording
+    if most is None or outcome.config["scenario"] == "quadrotor-canyon":
+        return []
+    commands = {name: agent.commands[: recording.length - 1] for name, agent in recording.agents.items()}
+    found = [_most("acceleration", np.linalg.norm(u, axis=1), most, recording.t, name) for name, u in commands.items()]
+    return [each for each in found if each.margin < 0.0]
+
+
+def _most(kind: str, figures: Array, most: float, t: Array, name: str) -> _Found:
+    """Return the least margin of some ``figures`` (n,) at times t to a greatest value, and when it is first broken."""
+    allowed = most * (1.0 + _ROUNDING)
+    above = figures > allowed
+    k = int(np.argmax(above)) if above.any() else int(figures.argmax())
+    return _Found(kind, (allowed - float(figures.max())) / most, float(t[k]), (name,))
 
 
 @lru_cache(maxsize=8)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,7 @@ COMMANDS: dict[str, Callable[[Array], Any]] = {
     "list": lambda good: good.tolist(),
     "nan": lambda good: good * np.nan,
     "four": lambda good: np.zeros(4),
+    "strong": lambda good: good + np.array([0.0, 0.0, 1.01 * MISSION.acceleration_max]),
 }
 PLANS: dict[str, Callable[[Plan], Any]] = {
     "good": lambda good: good,
@@ -116,6 +118,7 @@ class Flown:
         agent = Agent(
             self.estimator, planner, tracker, messages=messages,
             start=MISSION.start_state, flow=MISSION.flow, spare=spare, estimate_age=0.0,
+            command_max=MISSION.acceleration_max,
         )  # fmt: skip
         self.plant = flight.PointMass(MISSION.start_state, DT)
         self.loop = Loop(self.plant, {"vehicle": agent}, 600.0)
@@ -160,6 +163,7 @@ def test_behind_the_filter_neither_a_planner_nor_a_tracker_loses_the_guarantee(a
     flown = Flown(behind_filter=True)
     flown.tracker.told, flown.planner.told = answer, plan
     assert {*flown.step(STEPS + 5)} == {HELD}
+    assert not any(each.x.flags.writeable for _, each in flown.loop.recording.agents["vehicle"].plans)
 
 
 def test_an_estimator_that_never_answers_is_a_loss_from_the_start_and_the_plan_is_flown_by_prediction() -> None:
@@ -289,11 +293,12 @@ class AnyAnswers(RuleBasedStateMachine):
 
     @rule(steps=st.sampled_from([1, 7, STEPS, 6 * STEPS]))
     def fly(self, steps: int) -> None:
-        flown = self.flown
-        for state in flown.step(steps):
+        flown, before = self.flown, LOST
+        for state in chain(flown.step(steps), [LOST]):  # the last is at the tick after the last step
             wrong = broken(MISSION, flown.plant.state("vehicle"))
-            if wrong and state is HELD:
+            if wrong and HELD in (before, state):
                 self.broken = f"{wrong} at {flown.plant.t:.3f} s"
+            before = state
 
     @invariant()
     def kept(self) -> None:

@@ -62,9 +62,9 @@ def violations(outcome: RunData) -> dict[str, Any]:
     """A measure: the least relative margin of a mission, and its first violation.
 
     ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s, (v_max - speed) / v_max,
-    (a_max - |u|) / a_max of commands u, if that is negative, and (deadline - arrival) / deadline, and ``ANNOUNCED`` if every violation was announced: a search for a silent
-    violation minimises it. A violation at a hill that no map shows yet cannot be announced, and counts as announced. A
-    flight behind the filter promises no deadline.
+    (a_max - |u|) / a_max of commands u, if that is negative, and (deadline - arrival) / deadline, and ``ANNOUNCED`` if
+    every violation was announced: a search for a silent violation minimises it. A violation at a hill that no map shows
+    yet cannot be announced, and counts as announced. A flight behind the filter promises no deadline.
     """
     found = [_clearance(outcome), *_separation(outcome), *_speed(outcome), *_acceleration(outcome), *_deadline(outcome)]
     margin = min(each.margin for each in found)

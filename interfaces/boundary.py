@@ -60,12 +60,17 @@ class _RefusedError(ValueError):
         self.status = status
 
 
-def answered(call: Callable[[], T]) -> T | Unusable:
+def answered(call: Callable[..., T], *given: Any) -> T | Unusable:
     """Return what a plug-in answers, or that it raised. KeyboardInterrupt passes."""
     try:
-        return call()
+        return call(*given)
     except (Exception, SystemExit) as error:
-        return Unusable(f"{type(error).__name__}: {_said(error)}{where_raised(error)}")
+        return raised(error)
+
+
+def raised(error: BaseException) -> Unusable:
+    """Return in place of an answer what a plug-in raised."""
+    return Unusable(f"{type(error).__name__}: {_said(error)}{where_raised(error)}")
 
 
 def _said(error: BaseException) -> str:
@@ -150,13 +155,36 @@ def locked_plan(plan: Plan) -> Plan:
 
 
 def usable_estimate(
-    answer: Any, t: float, before: Estimate | None = None, size: int | None = None, age: float = math.inf
+    answer: Any,
+    t: float,
+    before: Estimate | None = None,
+    size: int | None = None,
+    age: float = math.inf,
+    *,
+    own: bool = False,
 ) -> Estimate | Unusable:
     """Return an estimator's answer at t [s], with arrays of the loop's own and of the sizes of the one ``before``.
 
-    ``size`` is nx if that is known. Its time may be ``age`` [s] past.
+    ``size`` is nx if that is known. Its time may be ``age`` [s] past. An answer of mathnavi's ``own`` parts is returned
+    as it is if it can be used so, for they make new arrays for every answer.
     """
+    if own and before is not None and _usable_as_it_is(answer, t, before, age):
+        usable: Estimate = answer
+        return usable
     return _checked(lambda: _estimate(answer, t, before, size, age))
+
+
+def _usable_as_it_is(answer: Any, t: float, before: Estimate, age: float) -> bool:
+    """Return True for an estimate in which there is nothing to convert; this is asked at every control step."""
+    if not (isinstance(answer, Estimate) and isinstance(answer.status, Status)):
+        return False
+    x, P = answer.x, answer.covariance
+    return (
+        t - age - _ROUNDING <= answer.t <= t + _ROUNDING
+        and x.shape == before.x.shape
+        and math.isfinite(x.dot(x))
+        and (P is None or P is before.covariance or (bool(P.diagonal().min() >= 0.0) and P.tobytes() == P.T.tobytes()))
+    )
 
 
 def _estimate(answer: Any, t: float, before: Estimate | None, size: int | None, age: float) -> Estimate:
@@ -250,8 +278,17 @@ def _plan(answer: Any, name: str) -> Plan:
     )
 
 
-def usable_command(answer: Any, shape: tuple[int, ...], longest: float = math.inf) -> Array | Unusable:
-    """Return a tracker's answer (nu,) as an array of the loop's own; ``longest`` is the greatest length allowed."""
+def usable_command(
+    answer: Any, shape: tuple[int, ...], longest: float = math.inf, *, own: bool = False
+) -> Array | Unusable:
+    """Return a tracker's answer (nu,) as an array of the loop's own; ``longest`` is the greatest length allowed.
+
+    An answer of mathnavi's ``own`` parts is returned as it is if it can be used so.
+    """
+    if own and isinstance(answer, np.ndarray) and answer.shape == shape and answer.dtype == np.float64:
+        square = answer.dot(answer)
+        if square <= longest * longest and square < math.inf:
+            return answer
     return _checked(lambda: _command(answer, shape, longest))
 
 
@@ -285,7 +322,12 @@ def _outbox(answer: Any, sender: str) -> Outbox:
 
 def usable_events(call: Callable[[], Any], name: str) -> tuple[tuple[str, str], ...]:
     """Return kind and message of the events that a plug-in reports, with its name; none if it does not report any."""
-    reported = answered(lambda: tuple((str(kind), str(message)) for kind, message in call()))
+    answer = answered(call)
+    if type(answer) in (list, tuple) and not answer:
+        return ()
+    reported = answer
+    if not isinstance(answer, Unusable):
+        reported = answered(lambda: tuple((str(kind), str(message)) for kind, message in answer))
     if isinstance(reported, Unusable):
         return ((f"{name or 'plug-in'}: events-unusable", reported.reason),)
     return tuple(zip(signed([kind for kind, _ in reported], name), (text for _, text in reported), strict=True))

@@ -30,24 +30,29 @@ class Unused(Enum):
     NOT_FINITE = "not finite"
 
 
+_PLACES = {reason: place for place, reason in enumerate(Unused)}
+
+
 class ReadingCounts:
     """Numbers of readings that were not used, since the start."""
 
     def __init__(self) -> None:
-        self._counts = dict.fromkeys(Unused, 0)
-        self.extra: Mapping[str, Array] = self._extra()
-        """read-only array of the numbers so far, by the name ``COUNTS``"""
+        self._counts = np.zeros(len(Unused))
+        self._extra: Mapping[str, Array] | None = None  # of the counts as they are
 
     def add(self, reason: Unused, count: int = 1) -> None:
         """Count readings that were not used."""
-        if count:
-            self._counts[reason] += count
-            self.extra = self._extra()
+        self._counts[_PLACES[reason]] += count
+        self._extra = None
 
-    def _extra(self) -> Mapping[str, Array]:
-        counts = np.array(list(self._counts.values()), dtype=np.float64)
-        counts.setflags(write=False)
-        return {COUNTS: counts}
+    @property
+    def extra(self) -> Mapping[str, Array]:
+        """Read-only array of the numbers so far, by the name ``COUNTS``."""
+        if self._extra is None:
+            counts = self._counts.copy()
+            counts.setflags(write=False)
+            self._extra = {COUNTS: counts}
+        return self._extra
 
 
 def unused_in(extra: Mapping[str, Array]) -> dict[str, int] | None:

@@ -166,10 +166,10 @@ class Certified:
 
     def _concluded(self, decide: Callable[[PlanRequest], Decision], request: PlanRequest) -> Plan | None:
         """Decide on a request, and conclude from the evidence what is guaranteed, whatever happens."""
-        found = answered(lambda: decide(request))
+        found = answered(decide, request)
         # One that raised is a defect here, after which nothing is known of the plan being flown.
         plan, evidence = (found.plan, Evidence(uncertified=found.reason)) if isinstance(found, Unusable) else found
-        self._evidence = dataclasses.replace(evidence, untracked=self._untracked)
+        self._evidence = dataclasses.replace(evidence, untracked=self._untracked) if self._untracked else evidence
         self.guarantee.step(self._evidence)
         return plan
 
@@ -218,6 +218,8 @@ class Certified:
         """Evidence for a vehicle that flies on along its plan."""
         uncertified = self._why_none if self._unsurveyed else ""
         fast = "" if doubted.doubt else self._certificate.speeding(estimate.x, self._bound)
+        if not (uncertified or fast):
+            return doubted
         return dataclasses.replace(doubted, uncertified=uncertified, fast=fast)
 
     def _from_start(self, request: PlanRequest) -> PlanRequest:

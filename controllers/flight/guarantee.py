@@ -11,6 +11,7 @@ than v_max. Planner (``certified``) and filter (``command_filter``) share the ma
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
@@ -42,6 +43,9 @@ class Evidence:
     outside: str = ""  # the vehicle was outside the tracking bound of its plan: now one from its estimate is flown
     danger: str = ""  # its plan was not safe over a new map: now one that is certified over it is flown
     fast: str = ""  # the vehicle is faster than v_max, and its plan brakes
+
+
+NOTHING_WRONG = Evidence()
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ def doubt(estimate: Estimate, worst: tuple[float, float]) -> str:
     if estimate.x.shape != (6,):
         return f"the estimate's state has shape {estimate.x.shape}; allowed: (6,)"
     gust = estimate.extra.get("gust")
-    if gust is not None and not (gust.shape == (3,) and np.isfinite(gust).all()):
+    if gust is not None and not (gust.shape == (3,) and math.isfinite(gust.dot(gust))):
         return f"the estimate's gust is {gust.tolist()}; allowed: three finite numbers"
     if estimate.covariance is None:
         return ""
@@ -100,6 +104,15 @@ def doubt(estimate: Estimate, worst: tuple[float, float]) -> str:
             deviation = float(np.sqrt(np.max((x, y, z))))
             return f"the estimate's {what} is off by {deviation:.3g} {unit}, one sigma; declared: {declared:.3g}"
     return ""
+
+
+def _concluded(evidence: Evidence) -> tuple[GuaranteeState, str]:
+    """Return the state that the first rule decides that applies to the evidence, and the reason."""
+    for rule in RULES:
+        reason = rule.reason(evidence)
+        if reason:
+            return rule.state, reason
+    raise RuntimeError("no rule applies")  # the last one always does
 
 
 class Guarantee:
@@ -124,7 +137,7 @@ class Guarantee:
 
     def step(self, evidence: Evidence) -> GuaranteeState:
         """State that the evidence of a control step leads to."""
-        state, reason = next((rule.state, reason) for rule in RULES if (reason := rule.reason(evidence)))
+        state, reason = _concluded(evidence)
         if state is not self.state:
             self._events.append((f"guarantee-{state.value}", reason))
         self.state, self.reason = state, reason
@@ -136,7 +149,9 @@ class Guarantee:
         return "" if self.held else self.reason
 
     def doubted(self, estimate: Estimate, reason: str) -> Evidence:
-        """Evidence that a doubted estimate is (``doubt``): the guarantee has not begun yet, or is lost."""
+        """Evidence that an estimate is of which there is a ``doubt``: the guarantee has not begun yet, or is lost."""
+        if not reason:
+            return NOTHING_WRONG
         begins = estimate.status is Status.INITIALISING and not self.begun
         return Evidence(waiting=reason) if begins else Evidence(doubt=reason)
 

@@ -137,8 +137,8 @@ class CriticallyDamped:
         x, gust = estimate.x, estimate.extra.get("gust", _STILL)
         if x.shape != (6,):  # compiled code would read on
             raise ArgumentError(f"the estimate's state has shape {x.shape}; allowed: (6,)")
-        # Another gust than (3,) is none, which the guarantee knows (``guarantee.doubt``).
-        gust = gust if gust.shape == (3,) and np.isfinite(gust).all() else _STILL
+        if gust is not _STILL and not (gust.shape == (3,) and math.isfinite(gust.dot(gust))):
+            gust = _STILL  # another gust than (3,) is none, which the guarantee knows (``guarantee.doubt``)
         command: Array = tracking_command(plan.t, plan.x, plan.u, t, self.period, x, gust, self._bandwidth, self._limit)
         return command
 

@@ -22,11 +22,11 @@ from typing import Any, TypeVar
 
 from mathnavi.interfaces.boundary import (
     Unusable,
-    answered,
     guest,
     handed,
     locked_plan,
     own_copy,
+    raised,
     usable_command,
     usable_estimate,
     usable_events,
@@ -193,12 +193,15 @@ class AgentRunner:
         times = self.record.answer_times[component] = AnswerTimes(period)
         return times.seconds.append
 
-    def _answer(self, component: str, call: Callable[[], T]) -> T | Unusable:
-        """Return what a component answers, and note how long it took."""
+    def _answer(self, component: str, call: Callable[..., T], *given: Any) -> T | Unusable:
+        """Return what a component answers to what it is ``given``, and note how long it took."""
         began = perf_counter()
-        answer = answered(call)
-        self.noted[component](perf_counter() - began)
-        return answer
+        try:
+            return call(*given)
+        except (Exception, SystemExit) as error:
+            return raised(error)
+        finally:
+            self.noted[component](perf_counter() - began)
 
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track if they are due at tick k, t [s]; ``row`` is that of the log."""
@@ -238,11 +241,11 @@ class AgentRunner:
     def _estimate(self, t: float) -> None:
         """Update the estimate; in place of an answer that cannot be used, predict it and mark it as lost."""
         agent, before = self.agent, self.estimate
-        answer = self._answer(ESTIMATOR, lambda: agent.estimator.update(t, self.inbox, self.command.copy()))
-        size = None if agent.start is None else len(agent.start)
-        estimate = (
-            answer if isinstance(answer, Unusable) else usable_estimate(answer, t, before, size, agent.estimate_age)
-        )
+        own = not self.guests["estimator"]
+        command = self.command if own else self.command.copy()
+        answer = self._answer(ESTIMATOR, agent.estimator.update, t, self.inbox, command)
+        size, age = None if agent.start is None else len(agent.start), agent.estimate_age
+        estimate = answer if isinstance(answer, Unusable) else usable_estimate(answer, t, before, size, age, own=own)
         self.inbox = []
         if not self.unused_readings.settled:
             for sensor in self.unused_readings.found():
@@ -350,7 +353,7 @@ class AgentRunner:
         name = self.guests["planner"]
         if name:
             request = handed(request)
-        answer = self._answer(component, lambda: call(request))
+        answer = self._answer(component, call, request)
         if answer is None and component == MONITOR:
             return None
         plan = answer if isinstance(answer, Unusable) else usable_plan(answer, name)
@@ -430,9 +433,10 @@ class AgentRunner:
             self.command = spare
 
     def _command(self, tracker: Tracker, t: float, estimate: Estimate, plan: Plan | None) -> Array | Unusable:
-        if self.guests["tracker"]:
+        own = not self.guests["tracker"]
+        if not own:
             estimate, plan = own_copy(estimate), None if plan is None else replace(plan)
-        answer = self._answer(TRACKER, lambda: tracker.command(t, estimate, plan))  # type: ignore[arg-type]
+        answer = self._answer(TRACKER, tracker.command, t, estimate, plan)
         if isinstance(answer, Unusable):
             return answer
-        return usable_command(answer, self.command.shape, self.agent.command_max)
+        return usable_command(answer, self.command.shape, self.agent.command_max, own=own)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -32,8 +33,11 @@ from mathnavi.interfaces.signals import (
 )
 
 T = TypeVar("T")
+Number = TypeVar("Number", bound=np.generic)
 
+_METHODS = ("update", "plan", "monitor", "command", "exchange", "propose", "admits", "adopted", "start", "events")
 _HOUSE = __name__.partition(".")[0]
+_OF_THE_LOOP = (Status.INITIALISING, Status.DEGRADED, Status.LOST, Status.LATE, Status.NOT_ADMITTED)
 _ROUNDING = 1e-6  # [s] of a time
 _RELATIVE = 1e-6  # rounding of the length of a command
 _SYMMETRIC = 1e-6  # share of the greatest variance by which a covariance may differ from its transpose
@@ -64,7 +68,9 @@ def answered(call: Callable[..., T], *given: Any) -> T | Unusable:
     """Return what a plug-in answers, or that it raised. KeyboardInterrupt passes."""
     try:
         return call(*given)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # such as a task that was cancelled
         return raised(error)
 
 
@@ -77,7 +83,7 @@ def _said(error: BaseException) -> str:
     """Return the message of an exception, whose ``__str__`` may raise in turn."""
     try:
         return str(error)
-    except Exception:
+    except BaseException:
         return "its message cannot be printed"
 
 
@@ -87,18 +93,22 @@ def _checked(check: Callable[[], T]) -> T | Unusable:
         return check()
     except _RefusedError as error:
         return Unusable(str(error), error.status)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         return Unusable(f"{type(error).__name__}: {_said(error)}", Status.MALFORMED)
 
 
 def guest(part: Any) -> str:
-    """Name of the class of a plug-in that is not mathnavi's own; "" for one that is.
+    """Name of the class of a plug-in that is not mathnavi's own, or one of whose methods was replaced; "" otherwise.
 
     A part of mathnavi that only passes on what another answers names that one as ``wrapped``.
     """
-    while (inner := getattr(part, "wrapped", None)) is not None and _is_own(type(part)):
+    while _is_own(type(part)) and (inner := getattr(part, "wrapped", None)) is not None:
         part = inner
-    return "" if _is_own(type(part)) else type(part).__qualname__.rpartition(".")[2]
+    if _is_own(type(part)) and not any(callable(getattr(part, "__dict__", {}).get(method)) for method in _METHODS):
+        return ""
+    return re.sub(r"\W", "_", type(part).__qualname__.rpartition(".")[2])
 
 
 def _is_own(kind: type) -> bool:
@@ -108,47 +118,78 @@ def _is_own(kind: type) -> bool:
 
 def signed(kinds: Sequence[str], name: str) -> tuple[str, ...]:
     """Return kinds of events that a plug-in reports, with its name (``guest``): they look like no one else's."""
-    return tuple(f"{name}: {kind}" if name else str(kind) for kind in kinds)
+    return tuple(f"{name}: {' '.join(str(kind).split())}" if name else str(kind) for kind in kinds)
 
 
 # ---- what goes in
 
 
-def locked(values: Any) -> Array:
-    """Return a copy of an array as float64 over immutable memory, which no one can make writable."""
-    array = np.asarray(values, dtype=np.float64)
-    copy: Array = np.frombuffer(array.tobytes())
-    return copy if array.ndim == 1 else copy.reshape(array.shape)
-
-
-def _locked_as(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a copy of an array of numbers, of its own type, over immutable memory."""
-    return np.frombuffer(_of_numbers(array).tobytes(), dtype=array.dtype).reshape(array.shape)
-
-
-def _of_numbers(array: NDArray[Any]) -> NDArray[Any]:
+def locked(array: NDArray[Number]) -> NDArray[Number]:
+    """Return a copy of an array of numbers over immutable memory, which no one can make writable."""
     if array.dtype.kind not in "biuf":
         raise _RefusedError(f"an array of {array.dtype}; allowed: numbers")
-    return array
+    return array.view() if _is_locked(array) else np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+
+
+def _is_locked(array: NDArray[Any]) -> bool:
+    """Return True for an array over immutable memory. Its shape may be changed all the same: what is lent is a view."""
+    base: Any = array
+    while type(base) is np.ndarray:
+        base = base.base
+    return isinstance(base, bytes)
+
+
+def numbers(values: Any) -> Array:
+    """Return a copy of what a plug-in means as real numbers, (...) float64.
+
+    Strings, complex numbers and masked values are refused, of which NumPy would make numbers in silence.
+    """
+    array = np.ma.filled(values, np.nan) if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+    if array.dtype.kind not in "biuf":
+        raise _RefusedError(f"{values!r:.60} is an array of {array.dtype}; allowed: numbers")
+    return np.array(array, dtype=np.float64)
+
+
+def lent(part: Any) -> Any:
+    """Return a copy of a mission, or of what a message carries, for a plug-in: nothing in it is shared and mutable.
+
+    Of dataclasses each field is copied so, of tuples, lists and mappings each entry; arrays are locked. What is none of
+    these, a model of MuJoCo for instance, is passed on.
+    """
+    if isinstance(part, np.ndarray):
+        return locked(part) if part.dtype.kind in "biuf" else part.copy()
+    if dataclasses.is_dataclass(part) and not isinstance(part, type):
+        twin = object.__new__(type(part))
+        for field in dataclasses.fields(part):
+            object.__setattr__(twin, field.name, lent(getattr(part, field.name)))
+        return twin
+    if isinstance(part, tuple):
+        return type(part)(*map(lent, part)) if hasattr(part, "_fields") else tuple(map(lent, part))
+    if isinstance(part, list):
+        return list(map(lent, part))
+    if isinstance(part, dict):
+        return {key: lent(value) for key, value in part.items()}
+    return part
 
 
 def own_copy(estimate: Estimate) -> Estimate:
     """Return an estimate for a plug-in: its arrays are locked, and it is an object of the plug-in's own."""
     covariance = None if estimate.covariance is None else locked(estimate.covariance)
-    extra = {name: _locked_as(np.asarray(values)) for name, values in estimate.extra.items()}
+    extra = {name: locked(np.asarray(values)) for name, values in estimate.extra.items()}
     return Estimate(estimate.t, locked(estimate.x), covariance, estimate.status, extra, estimate.message)
 
 
 def handed(request: PlanRequest) -> PlanRequest:
-    """Return a request for a plug-in, whose estimate and plan are locked and objects of the plug-in's own."""
+    """Return a request for a plug-in, whose estimate, plan and messages are locked and objects of its own."""
     plan = None if request.current is None else locked_plan(request.current)
-    return dataclasses.replace(request, estimate=own_copy(request.estimate), current=plan)
+    return PlanRequest(request.t, request.t_start, own_copy(request.estimate), plan, lent(request.messages))
 
 
 def locked_plan(plan: Plan) -> Plan:
     """Return a copy of a plan with locked arrays."""
-    t, x, u, phase = locked(plan.t), locked(plan.x), locked(plan.u), _locked_as(np.asarray(plan.phase, np.int64))
-    return dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
+    t, x, u = locked(numbers(plan.t)), locked(numbers(plan.x)), locked(numbers(plan.u))
+    phase = locked(np.asarray(plan.phase, np.int64))
+    return Plan(t, x, u, phase, plan.status, plan.message, plan.ready, plan.cost, plan.solve_ms, plan.notes)
 
 
 # ---- what comes out
@@ -196,7 +237,7 @@ def _estimate(answer: Any, t: float, before: Estimate | None, size: int | None, 
     if not t - age - _ROUNDING <= then <= t + _ROUNDING:
         oldest = f", and no older than {age:.3g} s" if age < math.inf else ""
         raise _RefusedError(f"the estimate is of {then!r} s; allowed: {t:.9g} s or before{oldest}")
-    x = np.array(answer.x, dtype=np.float64)
+    x = numbers(answer.x)
     if x.ndim != 1 or (size is not None and len(x) != size) or (before is not None and len(x) != len(before.x)):
         nx = "nx" if size is None else size
         allowed = f"({nx},)" if before is None else f"{before.x.shape}, as before"
@@ -214,7 +255,7 @@ def _finite(values: Array) -> bool:
 
 
 def _covariance(values: Any) -> Array:
-    P: Array = np.array(values, dtype=np.float64)
+    P = numbers(values)
     if P.ndim != 2 or P.shape[0] != P.shape[1]:
         raise _RefusedError(f"the estimate's covariance has shape {P.shape}; allowed: (n, n)")
     if (P.diagonal() < 0.0).any():  # NaN says that a variance is not known
@@ -230,7 +271,9 @@ def _covariance(values: Any) -> Array:
 def _extra(extra: Any, before: Mapping[str, Array]) -> Mapping[str, Array]:
     outputs = {}
     for key, values in dict(extra).items():
-        name, output = str(key), _of_numbers(np.array(values))
+        name, output = str(key), np.array(values)
+        if output.dtype.kind not in "biuf":
+            raise _RefusedError(f"the output {name!r} is an array of {output.dtype}; allowed: numbers")
         if name in before and before[name].shape != output.shape:
             raise _RefusedError(
                 f"the output {name!r} has shape {output.shape}; allowed: {before[name].shape}, as before"
@@ -250,11 +293,14 @@ def usable_plan(answer: Any, name: str = "") -> Plan | Unusable:
 def _plan(answer: Any, name: str) -> Plan:
     if not isinstance(answer, Plan):
         raise _RefusedError(f"plan() returned {type(answer).__name__}; allowed: Plan")
-    if not isinstance(answer.status, Enum) or not _is_own(type(answer.status)):
-        raise _RefusedError(f"the plan's status is {answer.status!r}; allowed: a Status, or one of the mission's")
+    status, message = answer.status, str(answer.message)
+    if not isinstance(status, Enum) or not _is_own(type(status)) or (name and status in _OF_THE_LOOP):
+        raise _RefusedError(f"the plan's status is {status!r}; allowed: one of a planner")
+    if name and not isinstance(status, Status):  # the reasons of a certificate are for a certificate to give
+        status, message = Status.INFEASIBLE, f"{status.value}: {message}"
     plan = locked_plan(answer)
     t, x, u, phase = plan.t, plan.x, plan.u, plan.phase
-    if answer.ok:
+    if plan.ok:
         k = phase.size
         if not (
             k
@@ -270,7 +316,8 @@ def _plan(answer: Any, name: str) -> Plan:
                 raise _RefusedError(f"the plan's {part} is not finite", Status.NOT_FINITE)
     return dataclasses.replace(
         plan,
-        message=str(answer.message),
+        status=status,
+        message=message,
         ready=float(answer.ready),
         cost=float(answer.cost),
         solve_ms=float(answer.solve_ms),
@@ -293,7 +340,7 @@ def usable_command(
 
 
 def _command(answer: Any, shape: tuple[int, ...], longest: float) -> Array:
-    command = np.array(answer, dtype=np.float64)
+    command = numbers(answer)
     if command.shape != shape:
         raise _RefusedError(f"the command has shape {command.shape}; allowed: {shape}")
     if not _finite(command):

@@ -36,7 +36,7 @@ from mathnavi.controllers.flight.guarantee import Evidence, Guarantee, doubt
 from mathnavi.controllers.flight.kernels.stopping import Limits, completed, margin_of, nearest
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
-from mathnavi.interfaces.boundary import Unusable, answered, guest, own_copy, usable_command
+from mathnavi.interfaces.boundary import Unusable, answered, guest, locked_plan, own_copy, usable_command
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
@@ -361,7 +361,7 @@ class FilteredTracker:
         if plan is None:
             return _NO_COMMAND
         if self._guest:
-            estimate, plan = own_copy(estimate), dataclasses.replace(plan)
+            estimate, plan = own_copy(estimate), locked_plan(plan)
         answer = answered(lambda: self._tracker.command(t, estimate, plan))
         command = answer if isinstance(answer, Unusable) else usable_command(answer, (3,))
         usable, before = not isinstance(command, Unusable), self._usable

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mathnavi.interfaces.boundary import locked
 from mathnavi.interfaces.checks import plain_name
 from mathnavi.interfaces.errors import ArgumentError, FieldError, TerrainError
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
@@ -71,8 +72,7 @@ class HeightField:
         spacing = float(self.spacing)
         if not (math.isfinite(spacing) and spacing > 0.0):
             raise TerrainError(f"terrain {self.name!r}: spacing is {spacing} m; allowed: a finite number above 0")
-        z.setflags(write=False)
-        object.__setattr__(self, "z", z)
+        object.__setattr__(self, "z", locked(z))
         object.__setattr__(self, "spacing", spacing)
         if self.above is not None:
             object.__setattr__(self, "above", self._checked_above(self.above))
@@ -84,8 +84,7 @@ class HeightField:
         if rises.shape != shape or not (rises >= 0.0).all():
             what = f"has shape {rises.shape}" if rises.shape != shape else "has a value that is no number of at least 0"
             raise TerrainError(f"terrain {self.name!r}: above {what}; allowed: {shape}, each 0 or more, or inf")
-        rises.setflags(write=False)
-        return rises if rises.any() else None
+        return locked(rises) if rises.any() else None
 
     def _check_texts(self) -> None:
         """Raise TerrainError for a name that cannot be part of a path, and a source or licence of more than a line."""

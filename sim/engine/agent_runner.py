@@ -198,7 +198,9 @@ class AgentRunner:
         began = perf_counter()
         try:
             return call(*given)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             return raised(error)
         finally:
             self.noted[component](perf_counter() - began)
@@ -435,7 +437,7 @@ class AgentRunner:
     def _command(self, tracker: Tracker, t: float, estimate: Estimate, plan: Plan | None) -> Array | Unusable:
         own = not self.guests["tracker"]
         if not own:
-            estimate, plan = own_copy(estimate), None if plan is None else replace(plan)
+            estimate, plan = own_copy(estimate), None if plan is None else locked_plan(plan)
         answer = self._answer(TRACKER, tracker.command, t, estimate, plan)
         if isinstance(answer, Unusable):
             return answer

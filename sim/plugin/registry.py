@@ -147,7 +147,10 @@ def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None
     if bound is not None and not isinstance(getattr(tracker, "bound", None), bound):
         given = _kind(tracker.bound) if hasattr(tracker, "bound") else "no bound"
         raise PluginError(f"{subject} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
-    return planner, tracker
+    from mathnavi.interfaces.boundary import guest  # both import numpy
+    from mathnavi.sim.plugin.guest_tracker import GuestTracker
+
+    return planner, GuestTracker(tracker, bound) if guest(tracker) else tracker
 
 
 def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
@@ -268,6 +271,10 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
             f"{kind}: {called(kind, spec.name)!r} is for a {wanted}, and the mission is a {type(mission).__name__}; "
             f"allowed: {', '.join([*_fitting(kind, mission), f'or {_PLACE}' if _fitting(kind, mission) else _PLACE])}"
         )
+    if not _is_own(spec.plugin):
+        from mathnavi.interfaces.boundary import lent  # which imports numpy
+
+        mission = lent(mission)
     with failures_named(f"{kind}: {called(kind, spec.name)!r}: {method}() failed:", PluginError):
         return getattr(spec.plugin, method)(spec.config, mission)
 

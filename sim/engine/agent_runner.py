@@ -208,7 +208,7 @@ class AgentRunner:
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track if they are due at tick k, t [s]; ``row`` is that of the log."""
         if self.plan is None and self.agent.stored is not None:
-            self._take_over(t, locked_plan(self.agent.stored))
+            self._take_over(t, self.agent.stored)
         self.observe(row, k, t, readings)
         if self.estimate is not None:
             self._act(k, t, self.estimate)
@@ -358,6 +358,8 @@ class AgentRunner:
         answer = self._answer(component, call, request)
         if answer is None and component == MONITOR:
             return None
+        if isinstance(answer, Plan) and not name:
+            return answer
         plan = answer if isinstance(answer, Unusable) else usable_plan(answer, name)
         return plan.plan if isinstance(plan, Unusable) else plan
 

@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import islice
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -37,6 +38,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 _METHODS = ("update", "plan", "monitor", "command", "exchange", "propose", "admits", "adopted", "start", "events")
 _HOUSE = __name__.partition(".")[0]
+_MOST_EVENTS = 1000
 _OF_THE_LOOP = (Status.INITIALISING, Status.DEGRADED, Status.LOST, Status.LATE, Status.NOT_ADMITTED)
 _ROUNDING = 1e-6  # [s] of a time
 _RELATIVE = 1e-6  # rounding of the length of a command
@@ -222,6 +224,7 @@ def _usable_as_it_is(answer: Any, t: float, before: Estimate, age: float) -> boo
     x, P = answer.x, answer.covariance
     return (
         t - age - _ROUNDING <= answer.t <= t + _ROUNDING
+        and type(x) is np.ndarray
         and x.shape == before.x.shape
         and math.isfinite(x.dot(x))
         and (P is None or P is before.covariance or (bool(P.diagonal().min() >= 0.0) and P.tobytes() == P.T.tobytes()))
@@ -332,7 +335,7 @@ def usable_command(
 
     An answer of mathnavi's ``own`` parts is returned as it is if it can be used so.
     """
-    if own and isinstance(answer, np.ndarray) and answer.shape == shape and answer.dtype == np.float64:
+    if own and type(answer) is np.ndarray and answer.shape == shape and answer.dtype == np.float64:
         square = answer.dot(answer)
         if square <= longest * longest and square < math.inf:
             return answer
@@ -367,14 +370,16 @@ def _outbox(answer: Any, sender: str) -> Outbox:
     return answer
 
 
-def usable_events(call: Callable[[], Any], name: str) -> tuple[tuple[str, str], ...]:
-    """Return kind and message of the events that a plug-in reports, with its name; none if it does not report any."""
+def usable_events(call: Callable[[], Any], name: str) -> tuple[tuple[str, str], ...] | Unusable:
+    """Return kind and message of the events that a plug-in reports, with its name."""
     answer = answered(call)
-    if type(answer) in (list, tuple) and not answer:
-        return ()
-    reported = answer
-    if not isinstance(answer, Unusable):
-        reported = answered(lambda: tuple((str(kind), str(message)) for kind, message in answer))
-    if isinstance(reported, Unusable):
-        return ((f"{name or 'plug-in'}: events-unusable", reported.reason),)
-    return tuple(zip(signed([kind for kind, _ in reported], name), (text for _, text in reported), strict=True))
+    if isinstance(answer, Unusable) or (type(answer) in (list, tuple) and not answer):
+        return answer or ()
+    return _checked(lambda: _events(answer, name))
+
+
+def _events(answer: Any, name: str) -> tuple[tuple[str, str], ...]:
+    events = tuple((str(kind), str(message)) for kind, message in islice(answer, _MOST_EVENTS + 1))
+    if len(events) > _MOST_EVENTS:
+        raise _RefusedError(f"more than {_MOST_EVENTS} events at one step; allowed: no more")
+    return tuple(zip(signed([kind for kind, _ in events], name), (text for _, text in events), strict=True))

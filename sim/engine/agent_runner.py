@@ -412,10 +412,16 @@ class AgentRunner:
             self.record.event(t, note, message)
 
     def _record_events(self, t: float, role: str) -> None:
-        """Record the events that a part of the agent reports."""
-        if role in self.reports:
-            for kind, message in usable_events(self.reports[role], self.guests[role]):
-                self.record.event(t, kind, message)
+        """Record the events that a part of the agent reports; one that reports nonsense is not asked again."""
+        if role not in self.reports:
+            return
+        events = usable_events(self.reports[role], self.guests[role])
+        if isinstance(events, Unusable):
+            del self.reports[role]
+            self.record.event(t, "events-unusable", f"of the {role}: {events.reason}")
+            return
+        for kind, message in events:
+            self.record.event(t, kind, message)
 
     def _track(self, t: float, estimate: Estimate, plan: Plan | None) -> None:
         command = self._command(self.agent.tracker, t, estimate, plan)

@@ -102,6 +102,7 @@ def fleet_summary(
     clearance = min(
         float(flown_clearance(recording.t, recording.truths[name], mission).min()) for name, mission in missions.items()
     )
+    losses = guarantee_losses(recording.events, missions)
     begin, last = float(recording.t[0]), float(recording.t[-1])
     shares = [
         planner_share(begin, arrival if math.isfinite(arrival) else last, recording.agents[name].plans)
@@ -135,7 +136,7 @@ def fleet_summary(
         "plans_not_admitted": kinds["not-admitted"],
         "proposals_refused": kinds["separation-refused"],
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
-        "guarantee_lost": guarantee_losses(recording.events) + kinds["separation-unguaranteed"],
+        "guarantee_lost": None if losses is None else losses + kinds["separation-unguaranteed"],
         "deadlines_lost": kinds["deadline-lost"],
         "arrivals_deferred": kinds["arrival-deferred"],
         "arrivals_unkept": kinds["arrival-unkept"],

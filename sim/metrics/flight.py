@@ -132,12 +132,8 @@ def flight_summary(
     deadline: float,
     seed: int,
     wall_seconds: float,
-    guaranteed: bool,
 ) -> dict[str, Any]:
-    """Flat summary of one vehicle's flight, with SI units in the names.
-
-    A flight that is not ``guaranteed`` has no guarantee that could be lost.
-    """
+    """Flat summary of one vehicle's flight, with SI units in the names."""
     t, x, agent = recording.t, recording.truths[name], recording.agents[name]
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
@@ -178,7 +174,7 @@ def flight_summary(
         "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
         "rebased_plans": kinds["rebased"],
         "missed_passes": kinds["missed-pass"],
-        "guarantee_lost": guarantee_losses(recording.events) if guaranteed else None,
+        "guarantee_lost": guarantee_losses(recording.events, (name,)),
         "deadlines_lost": kinds["deadline-lost"],
         "radar_exposure_s": exposure(t, x, mission, radars),
         **least.figures(estimated[:, list(least.judged)], last_quarter(t), "the last quarter"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -56,12 +56,17 @@ def planner_status(recording: Recording) -> str:
     return "; ".join(words if len(recording.agents) == 1 else f"{name}: {words}" for name, words in found)
 
 
-def guarantee_losses(events: Sequence[Event]) -> int:
-    """Number of times that the guarantee of a vehicle was lost; one that never began is a loss too."""
-    states: dict[str, list[str]] = {}
+def guarantee_losses(events: Sequence[Event], names: Iterable[str]) -> int | None:
+    """Number of times that the guarantee of the vehicles ``names`` was lost; one that never began is a loss too.
+
+    None if one of them has announced no state of its guarantee: it has none that could be lost.
+    """
+    states: dict[str, list[str]] = {name: [] for name in names}
     for event in events:
-        if event.kind.startswith(_GUARANTEE):
-            states.setdefault(event.agent, []).append(event.kind.removeprefix(_GUARANTEE))
+        if event.agent in states and event.kind.startswith(_GUARANTEE):
+            states[event.agent].append(event.kind.removeprefix(_GUARANTEE))
+    if not all(states.values()):
+        return None
     return sum(max(named.count("lost"), {*named} == {"not-yet"}) for named in states.values())
 
 

@@ -36,7 +36,6 @@ def quadrotor_summary(
     deadline: float,
     seed: int,
     wall_seconds: float,
-    guaranteed: bool,
 ) -> dict[str, Any]:
     """Flat summary of one quadrotor's flight, with SI units in the names.
 
@@ -46,7 +45,7 @@ def quadrotor_summary(
     """
     x, t = recording.truths[name], recording.t
     seen = dataclasses.replace(recording, truths={**recording.truths, name: point(x)})
-    figures = flight_summary(seen, name, mission.flight, (), bound, deadline, seed, wall_seconds, guaranteed)
+    figures = flight_summary(seen, name, mission.flight, (), bound, deadline, seed, wall_seconds)
     del figures["control_effort"], figures["radar_exposure_s"]  # inputs are thrusts here, and there are no radars
     error = np.linalg.norm((point(x) - references(t, recording.agents[name].plans))[:, :3], axis=1)
     asked = recording.agents[name].commands[: max(1, recording.length - 1)] / mission.vehicle.thrust_max

@@ -128,7 +128,7 @@ class QuadrotorCanyon:
             {VEHICLE: stack.agent(ROTOR_COUNT, start=mission.flight.start_state, estimate_age=0.0)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker.bound, assurance.guaranteed, seed),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
             mission=_record(mission, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
             terrain=place,
@@ -166,7 +166,6 @@ def summarise(
     flight: TrueQuadrotorFlight,
     planner: Planner,
     bound: Bound,
-    guaranteed: bool,
     seed: int,
     recording: Recording,
     wall_seconds: float,
@@ -174,7 +173,7 @@ def summarise(
     """Summary, and whether the vehicle arrived by its deadline and touched nothing."""
     mission = flight.mission.flight
     deadline = due(recording, VEHICLE, planner, mission.deadline_factor, flight.deadline)
-    summary = quadrotor_summary(recording, VEHICLE, flight.mission, bound, deadline, seed, wall_seconds, guaranteed)
+    summary = quadrotor_summary(recording, VEHICLE, flight.mission, bound, deadline, seed, wall_seconds)
     return verdict(summary, deadline, mission.clearance_min, mission.speed_max)
 
 

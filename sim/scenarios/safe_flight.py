@@ -105,7 +105,7 @@ class SafeFlight:
             },
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker, assurance.guaranteed, seed),
+            partial(summarise, flight, stack.planner, stack.tracker, seed),
             mission=_record(config, flight, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
             terrain=terrain,
@@ -144,7 +144,6 @@ def summarise(
     flight: TrueFlight,
     planner: Planner,
     tracker: Any,
-    guaranteed: bool,
     seed: int,
     recording: Recording,
     wall_seconds: float,
@@ -155,9 +154,7 @@ def summarise(
     else:
         deadline = due(recording, VEHICLE, planner, flight.mission.deadline_factor, flight.deadline)
     flown_to = dataclasses.replace(flight.mission, target=flight.track.at(float(recording.t[-1])))
-    summary = flight_summary(
-        recording, VEHICLE, flown_to, flight.radars, tracker.bound, deadline, seed, wall_seconds, guaranteed
-    )
+    summary = flight_summary(recording, VEHICLE, flown_to, flight.radars, tracker.bound, deadline, seed, wall_seconds)
     if isinstance(tracker, FilteredTracker):
         summary |= tracker.figures()
     return verdict(summary, deadline, flight.mission.clearance_min, flight.mission.speed_max)

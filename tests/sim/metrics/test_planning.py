@@ -7,10 +7,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from mathnavi.interfaces.signals import Plan, Status
+from mathnavi.interfaces.signals import Event, Plan, Status
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.sim.engine.log import AgentRecorder, Recording
-from mathnavi.sim.metrics.planning import ANSWERED_ONCE, NEVER_ANSWERED, ONLY_FALLBACK, planner_share, planner_status
+from mathnavi.sim.metrics.planning import (
+    ANSWERED_ONCE,
+    NEVER_ANSWERED,
+    ONLY_FALLBACK,
+    guarantee_losses,
+    planner_share,
+    planner_status,
+)
 
 CHOSEN, AFTER = FlightPhase.OPTIMISED, FlightPhase.CRUISE
 
@@ -80,3 +87,19 @@ def test_a_planner_without_a_part_has_a_status(answers: list[Plan], flown: list[
     recording.agents["south"] = silent
     named = [f"north: {status}"] if status else []
     assert planner_status(recording) == "; ".join([*named, f"south: {NEVER_ANSWERED}"])
+
+
+@pytest.mark.parametrize(
+    ("kinds", "losses"),
+    [
+        (["guarantee-held"], 0),
+        (["guarantee-not-yet", "guarantee-held", "guarantee-lost", "guarantee-held", "guarantee-lost"], 2),
+        (["guarantee-held", "guarantee-endangered", "guarantee-held"], 0),
+        (["guarantee-not-yet"], 1),  # it never began
+        ([], None),  # nothing is guaranteed
+        (["Mine: guarantee-held"], None),  # what a certifier of a stranger says is no word of the guarantee
+    ],
+)
+def test_a_guarantee_that_nobody_announces_has_no_losses(kinds: list[str], losses: int | None) -> None:
+    assert guarantee_losses([Event(0.0, "a", kind) for kind in kinds], ("a",)) == losses
+    assert guarantee_losses([Event(0.0, "a", kind) for kind in kinds], ("a", "b")) is None

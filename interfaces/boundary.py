@@ -25,8 +25,6 @@ from mathnavi.interfaces.signals import (
     NOTHING,
     Array,
     Estimate,
-    Message,
-    Outbox,
     Plan,
     PlanRequest,
     Status,
@@ -351,23 +349,6 @@ def _command(answer: Any, shape: tuple[int, ...], longest: float) -> Array:
     if command.dot(command) > (longest * (1.0 + _RELATIVE)) ** 2:
         raise _RefusedError(f"the command is {command.tolist()}; allowed: a length of at most {longest:g}")
     return command
-
-
-def usable_outbox(answer: Any, sender: str) -> Outbox | Unusable:
-    """Return a coordinator's answer; what it sends carries the name of its own vehicle."""
-    return _checked(lambda: _outbox(answer, sender))
-
-
-def _outbox(answer: Any, sender: str) -> Outbox:
-    if not isinstance(answer, Outbox):
-        raise _RefusedError(f"exchange() returned {type(answer).__name__}; allowed: Outbox")
-    sent = [message for _, message in answer.messages]
-    for message in (*sent, *answer.planner_messages):
-        if not isinstance(message, Message) or not math.isfinite(message.t):
-            raise _RefusedError(f"exchange() sends {message!r}; allowed: a Message of a finite time")
-    if forged := [message.sender for message in sent if message.sender != sender]:
-        raise _RefusedError(f"exchange() sends as {forged[0]!r}; allowed: {sender!r}")
-    return answer
 
 
 def usable_events(call: Callable[[], Any], name: str) -> tuple[tuple[str, str], ...] | Unusable:

@@ -38,14 +38,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from mathnavi.controllers.arrival.separation_rule import TOPIC, SeparationRule
 from mathnavi.controllers.flight.certificate import pass_time
 from mathnavi.controllers.flight.planner import ARRIVAL
+from mathnavi.interfaces.boundary import Unusable, answered, guest, lent
 from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.communicated import usable_round
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Consensus
 from mathnavi.interfaces.signals import OPTIMISED, Array, Message, Outbox, Plan
@@ -141,21 +143,25 @@ class FleetCoordinator:
         self._proposed: tuple[int, Plan] | None = None
         self._next_step = -math.inf  # [s] when the consensus is given the vehicle's own time again
         self._announced: float | None = None  # [s] of arrival, to the planner
+        self._agreed = math.nan  # [s] the consensus's value after its last round
+        self._follows = False  # it was an outlier then
         self._outlier = False
+        self._guest = guest(consensus)
+        self._unusable = {"arrival-unknown": False, "consensus-unusable": False}
 
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
         """Exchange messages at t [s]: return what goes to the neighbours and to the planner, and the events."""
-        if self._flown is not None and t >= self._next_step - TIME_TOLERANCE:
-            self._consensus.start(self._own_time(t, self._flown), t)
+        own = None
+        if (flown := self._flown) is not None and t >= self._next_step - TIME_TOLERANCE:
+            found = answered(lambda: self._own_time(t, flown))  # its length to go is the planner's
+            self._complain("arrival-unknown", found)
+            own = math.nan if isinstance(found, Unusable) else found
             self._next_step = t + self._planning_period
-            self._news += self._keeping(t, self._flown)
+            self._news += self._keeping(t, flown)
         plans = self._separation.exchange(t, [message for message in received if message.topic == TOPIC])
         deferral = self._deferring(t, [message for message in received if message.topic == DEFERRAL])
-        payload = self._consensus.exchange(t, [message for message in received if message.topic == AGREEMENT])
-        agreement = Message(t, self._separation.name, AGREEMENT, payload)
-        messages: list[tuple[str | tuple[str, ...], Message]] = [
-            *plans, *deferral, *((name, agreement) for name in self._neighbours),
-        ]  # fmt: skip
+        agreement = self._agreeing(t, own, [message for message in received if message.topic == AGREEMENT])
+        messages: list[tuple[str | tuple[str, ...], Message]] = [*plans, *deferral, *agreement]
         happened = [(event.kind, event.message) for event in self._separation.events]
         self._separation.events.clear()
         news, self._news = self._news, []
@@ -192,6 +198,35 @@ class FleetCoordinator:
         self._flown = plan
         optimised = plan.t[1:][plan.phase == OPTIMISED]
         self._reach = max(self._reach, float(optimised[-1]) - plan.t_start if len(optimised) else 0.0)
+
+    def _agreeing(self, t: float, own: float | None, received: Sequence[Message]) -> list[tuple[str, Message]]:
+        """Do a round of the consensus, started with the vehicle's ``own`` time [s] if given; return what it sends.
+
+        A consensus whose answers cannot be used sends nothing, and what was agreed before is no longer known to it.
+        """
+        answer = answered(lambda: self._round(t, own, received))
+        found = answer if isinstance(answer, Unusable) else usable_round(*answer, self._guest)
+        self._complain("consensus-unusable", found, self._guest or type(self._consensus).__name__)
+        if isinstance(found, Unusable):
+            self._agreed = math.nan
+            return []
+        payload, self._agreed, self._follows = found
+        message = Message(t, self._separation.name, AGREEMENT, payload)
+        return [(name, message) for name in self._neighbours]
+
+    def _round(self, t: float, own: float | None, received: Sequence[Message]) -> tuple[Any, Any, Any]:
+        consensus = self._consensus
+        if own is not None:
+            consensus.start(own, t)
+        payload = consensus.exchange(t, lent(received) if self._guest else received)
+        return payload, consensus.value, consensus.outlier
+
+    def _complain(self, kind: str, answer: Any, name: str = "") -> None:
+        """Note an event where answers begin to be unusable."""
+        unusable = isinstance(answer, Unusable)
+        if unusable and not self._unusable[kind]:
+            self._news.append((kind, f"{name}: {answer.reason}" if name else answer.reason))
+        self._unusable[kind] = unusable
 
     def _own_time(self, t: float, flown: Plan) -> float:
         """Time of arrival [s] that the vehicle communicates: the least possible, or the assured one once it defers."""
@@ -238,7 +273,7 @@ class FleetCoordinator:
 
     def _cannot_keep(self, t: float, flown: Plan, assured: AssuredArrival) -> str:
         """Reason why the vehicle may not be able to keep a time before the assured one; "" while it may."""
-        agreed = self._consensus.value
+        agreed = self._agreed
         if not agreed < assured.time - self._planning_period:
             return ""
         if self._queued >= PATIENCE:
@@ -274,7 +309,7 @@ class FleetCoordinator:
 
     def _taking_part(self) -> tuple[tuple[str, str], ...]:
         """Events to record where the vehicle becomes an outlier, or takes part again."""
-        outlier = self._consensus.outlier and self._flown is not None
+        outlier = self._follows and self._flown is not None
         if outlier == self._outlier:
             return ()
         self._outlier = outlier
@@ -283,7 +318,7 @@ class FleetCoordinator:
         )
 
     def _planner_messages(self, t: float) -> tuple[Message, ...]:
-        agreed = self._consensus.value
+        agreed = self._agreed
         self._begun = min(self._begun, t)
         settling = t < self._begun + SETTLING * self._planning_period
         if not math.isfinite(agreed) or (settling and self._assured is not None and agreed - t < 2.0 * self._reach):

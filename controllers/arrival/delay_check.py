@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, objection
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, check_content, objection
 from mathnavi.interfaces.checks import check, check_names
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Event, Message, Plan
@@ -43,6 +43,11 @@ class Published:
     id: int  # of this vehicle, increasing
     trajectory: PlannedTrajectory
     committed: bool  # False: optimised
+
+    def __post_init__(self) -> None:
+        check_content(self.id, self.trajectory)
+        if not isinstance(self.committed, bool):
+            raise ArgumentError(f"committed = {self.committed!r}; allowed: True, False")
 
 
 @dataclass
@@ -149,7 +154,7 @@ class DelayCheck:
 
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
         """Note that the vehicle left its plan and flies this one unchecked: no guarantee until it next adopts one."""
-        self._candidate = None
+        self._candidate, self.guaranteed = None, False  # which is announced where the plan takes over
         self._current = PlannedTrajectory.from_plan(plan)
         self._stay(float(self._current.t[0]))
 

@@ -44,13 +44,14 @@ until it has acknowledged. What is lost is the new plans, not the separation: ev
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numba import float64
 
-from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, objection
+from mathnavi.controllers.arrival.separation_rule import TOPIC, Zone, check_content, objection
 from mathnavi.controllers.flight.ahead import PLAN
 from mathnavi.interfaces.checks import check_names
 from mathnavi.interfaces.compiled import Signature
@@ -70,6 +71,11 @@ class Proposal:
     rank: float
     trajectory: PlannedTrajectory
 
+    def __post_init__(self) -> None:
+        check_content(self.id, self.trajectory)
+        if not (isinstance(self.rank, float) and math.isfinite(self.rank)):
+            raise ArgumentError(f"rank = {self.rank!r}; allowed: a finite number")
+
 
 @dataclass(frozen=True)
 class SeparationReply:
@@ -78,13 +84,17 @@ class SeparationReply:
     id: int  # of the proposal
     clear: bool
 
+    def __post_init__(self) -> None:
+        check_content(self.id)
+        if not isinstance(self.clear, bool):
+            raise ArgumentError(f"clear = {self.clear!r}; allowed: True, False")
+
 
 class Separation:
     """The ``SeparationRule`` of one vehicle, by acknowledged plans.
 
     ``events`` are those since they were last taken: ``separation-refused``, ``separation-yielded``,
-    ``separation-late`` (not admitted by its start), ``separation-ignored`` (an impossible message) and
-    ``separation-unguaranteed`` (a rebase: the guarantee is lost until the next adoption).
+    ``separation-late`` (not admitted by its start) and ``separation-ignored`` (an impossible message).
     """
 
     binding = False
@@ -166,8 +176,6 @@ class Separation:
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
         self._current = PlannedTrajectory.from_plan(plan)
-        if self.guaranteed:
-            self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that no vehicle has acknowledged")
         self.guaranteed = False
         self.withdraw()
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.interfaces.checks import check_names
-from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.errors import ArgumentError, MissionError
 from mathnavi.interfaces.signals import Array, Event, Message, Plan
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.plan_distance import PlannedTrajectory, clear_of_each, least_distance
@@ -139,6 +139,18 @@ class SeparationRule(Protocol):
     def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
         """Process the messages received by t [s] of this vehicle's clock; return those to send, with the receivers."""
         ...
+
+
+def check_content(id: Any, *trajectories: Any) -> None:
+    """Raise ArgumentError for content that no message has: what a coordinator sends is made anew by its constructor.
+
+    A trajectory checks its own arrays.
+    """
+    if isinstance(id, bool) or not isinstance(id, int):
+        raise ArgumentError(f"id = {id!r}; allowed: a whole number")
+    for trajectory in trajectories:
+        if not isinstance(trajectory, PlannedTrajectory):
+            raise ArgumentError(f"trajectory = {trajectory!r}; allowed: a PlannedTrajectory")
 
 
 def objection(message: Message, t: float, peers: Mapping[str, Any], zone: Zone, *payloads: type) -> str:

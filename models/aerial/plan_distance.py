@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -53,23 +53,20 @@ _RESOLUTION = 1e-15  # of s
 
 @dataclass(frozen=True, eq=False)
 class PlannedTrajectory:
-    """Trajectory of a plan, copied to read-only arrays, with a box around the whole."""
+    """Trajectory of a plan, copied to read-only arrays, with a box around the whole.
+
+    ArgumentError for arrays that do not fit or are not finite: there is no other trajectory, also in a message.
+    """
 
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
     u: Array  # (K, 3) [m/s^2] held over [t[k], t[k + 1]]
-    boxes: Array  # (2, F, 3) [m] lowest and highest corners of the box in each of ``_FRAMES``
-    begin: float  # [s] t[0]
-    speed: float  # [m/s] greatest
+    boxes: Array = field(init=False)  # (2, F, 3) [m] lowest and highest corners of the box in each of ``_FRAMES``
+    begin: float = field(init=False)  # [s] t[0]
+    speed: float = field(init=False)  # [m/s] greatest
 
-    @staticmethod
-    def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
-        """Make the trajectory of a plan; ArgumentError for a failure or arrays that do not fit or are not finite."""
-        if isinstance(plan, PlannedTrajectory):
-            return plan
-        if not plan.ok:
-            raise ArgumentError(f"status = {plan.status.name}; allowed: OK")
-        t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
+    def __post_init__(self) -> None:
+        t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (self.t, self.x, self.u))
         arcs = t.size - 1
         if arcs < 0 or t.shape != (arcs + 1,) or x.shape != (arcs + 1, 6) or u.shape != (arcs, 3):
             shapes = f"t {t.shape}, x {x.shape}, u {u.shape}"
@@ -85,7 +82,19 @@ class PlannedTrajectory:
             values.setflags(write=False)
         turned = hull @ _FRAMES  # (F, ..., 3)
         boxes = np.array([turned.min(axis=1), turned.max(axis=1)])
-        return PlannedTrajectory(t, x, u, boxes, float(t[0]), math.sqrt(float((v * v).sum(axis=1).max())))
+        speed = math.sqrt(float((v * v).sum(axis=1).max()))
+        made = {"t": t, "x": x, "u": u, "boxes": boxes, "begin": float(t[0]), "speed": speed}
+        for name, value in made.items():
+            object.__setattr__(self, name, value)
+
+    @staticmethod
+    def from_plan(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
+        """Make the trajectory of a plan; ArgumentError for a failure or arrays that do not fit or are not finite."""
+        if isinstance(plan, PlannedTrajectory):
+            return plan
+        if not plan.ok:
+            raise ArgumentError(f"status = {plan.status.name}; allowed: OK")
+        return PlannedTrajectory(plan.t, plan.x, plan.u)
 
 
 def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:

@@ -30,7 +30,6 @@ from mathnavi.interfaces.boundary import (
     usable_command,
     usable_estimate,
     usable_events,
-    usable_outbox,
     usable_plan,
 )
 from mathnavi.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
@@ -39,7 +38,6 @@ from mathnavi.interfaces.signals import (
     Estimate,
     Measurement,
     Message,
-    Outbox,
     Plan,
     PlanRequest,
     Status,
@@ -54,6 +52,7 @@ from mathnavi.sim.engine.answer_times import (
     AnswerTimes,
     Latency,
 )
+from mathnavi.sim.engine.communication import Communication
 from mathnavi.sim.engine.log import AgentRecorder
 from mathnavi.sim.engine.network import Network
 
@@ -151,6 +150,7 @@ class AgentRunner:
     record: AgentRecorder
     command: Array
     latency: Latency | None = None  # simulated time that plans take; None: none
+    fleet: Sequence[str] = ()  # names of all vehicles
     inbox: list[Measurement] = field(default_factory=list)
     undelivered: list[Message] = field(default_factory=list)
     delivered: list[Message] = field(default_factory=list)
@@ -167,6 +167,7 @@ class AgentRunner:
     guests: dict[str, str] = field(init=False)  # names of the parts that are not mathnavi's own, "" for those that are
     reports: dict[str, Callable[[], Any]] = field(init=False)  # of the parts that report events
     noted: dict[str, Callable[[float], None]] = field(init=False)  # notes the time [s] of a component's answer
+    communication: Communication | None = field(init=False)  # None without a coordinator
 
     def __post_init__(self) -> None:
         agent = self.agent
@@ -187,6 +188,12 @@ class AgentRunner:
                 (COORDINATOR, math.inf if agent.coordinator is None else agent.coordinator.period),
             )
         }
+        self.communication = None
+        if agent.coordinator is not None:
+            noted = self.noted[COORDINATOR]
+            self.communication = Communication(
+                self.name, agent.coordinator, self.fleet, self.network, self.record, noted
+            )
 
     def _timed(self, component: str, period: float) -> Callable[[float], None]:
         """Begin the record of a component's times; return the function that appends one."""
@@ -228,8 +235,8 @@ class AgentRunner:
         self.record.command(row, command)
 
     def _act(self, k: int, t: float, estimate: Estimate) -> None:
-        if self.agent.coordinator is not None and k % self.coordinator_ticks == 0:
-            self._exchange(t)
+        if self.communication is not None and k % self.coordinator_ticks == 0:
+            self._exchange(t, self.communication)
         if k % self.planner_ticks == 0:
             self._adopt(t)
             self._ask(t, estimate)
@@ -274,33 +281,11 @@ class AgentRunner:
             x, then = flow(x, self.command, t - then), t
         return Estimate(then, x, last.covariance, Status.LOST, last.extra)
 
-    def _of_coordinator(self, t: float, call: Callable[[Coordinator], Any], otherwise: T, check: type[T]) -> T:
-        """Return the coordinator's answer; ``otherwise`` without a coordinator, and if it raises or returns something
-        else than it should, which is recorded.
-        """
-        coordinator = self.agent.coordinator
-        if coordinator is None:
-            return otherwise
-        answer = self._answer(COORDINATOR, lambda: call(coordinator))
-        if isinstance(answer, check):
-            return answer
-        reason = answer.reason if isinstance(answer, Unusable) else f"{answer!r}; allowed: {check.__name__}"
-        self.record.event(t, "coordinator-raised", reason)
-        return otherwise
-
-    def _exchange(self, t: float) -> None:
-        """Pass received messages to the coordinator and send its answers; one that raises sends nothing."""
+    def _exchange(self, t: float, communication: Communication) -> None:
+        """Propose a plan that has become available, and exchange messages with the others."""
         if self.unproposed is not None and self.unproposed.ready <= t + TIME_TOLERANCE:
             self._propose(t, self.unproposed)
-        received = self.network.receive(self.name, t)
-        outbox = self._of_coordinator(t, lambda coordinator: self._outbox(coordinator, t, received), Outbox(), Outbox)
-        self.network.send(outbox.messages, t)
-        for kind, text in outbox.events:
-            self.record.event(t, kind, text)
-        self.undelivered = sorted([*self.undelivered, *outbox.planner_messages], key=lambda each: each.t)
-
-    def _outbox(self, coordinator: Coordinator, t: float, received: Sequence[Message]) -> Outbox | Unusable:
-        return usable_outbox(coordinator.exchange(t, received), self.name)
+        self.undelivered = sorted([*self.undelivered, *communication.exchange(t)], key=lambda each: each.t)
 
     def _deliver(self, t: float) -> list[Message]:
         """Deliver the messages that are due to the planner's next request; each is recorded."""
@@ -378,7 +363,8 @@ class AgentRunner:
     def _propose(self, t: float, plan: Plan) -> None:
         """Have the coordinator propose a plan, in place of any other that it has not proposed yet."""
         self.unproposed = None
-        self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None, type(None))
+        if self.communication is not None:
+            self.communication.propose(t, plan)
 
     def _adopt(self, t: float) -> None:
         waiting: list[Plan] = []
@@ -395,14 +381,13 @@ class AgentRunner:
 
     def _admitted(self, t: float, plan: Plan) -> bool:
         """Return True if the others admit the plan; the first plan was not announced and needs no answer."""
-        if self.agent.coordinator is None or self.plan is None:
-            return True
-        return self._of_coordinator(t, lambda coordinator: bool(coordinator.admits(t, plan)), False, bool)
+        return self.communication is None or self.plan is None or self.communication.admits(t, plan)
 
     def _take_over(self, t: float, plan: Plan) -> None:
         self.plan = plan
         self.record.adopted(t, plan)
-        self._of_coordinator(t, lambda coordinator: coordinator.adopted(t, plan), None, type(None))
+        if self.communication is not None:
+            self.communication.adopted(t, plan)
         for note in plan.notes:
             self.record.event(t, note, plan.message)
 

@@ -101,6 +101,7 @@ class Loop:
                 self.recording.agents[name],
                 np.zeros(agent.input_size) if agent.command is None else agent.command,
                 latency,
+                tuple(agents),
                 undelivered=sorted(agent.messages, key=lambda message: message.t),
             )
             for name, agent in agents.items()

@@ -21,7 +21,7 @@ from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.flight_parts import mission_but_ends
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.flight import guarantee_holes, hostile_parts
+from mathnavi.studies.flight import guarantee_holes, hostile_fleet, hostile_parts
 
 FLOWN = guarantee_holes.__name__  # where the measures and the mutants are
 SEEDS = 100_000
@@ -215,6 +215,25 @@ STRANGE_ESTIMATOR = tuple(each for each in MISBEHAVING if each.name.startswith("
 STRANGE = f"{hostile_parts.__name__}:Hostile"
 
 
+STRANGE_FLEET: tuple[Dimension, ...] = tuple(
+    each
+    for part, misdeeds in hostile_fleet.MISDEEDS.items()
+    for each in (
+        Choice(f"{part}.misdeed", misdeeds),
+        Range(f"{part}.share", 0.02, 1.0),
+        Range(f"{part}.draw", 0, SEEDS),
+    )
+)
+
+
+def _strange_fleet(values: Values) -> dict[str, Any]:
+    """Return the fields of a fleet whose consensus and coordinators are those of strangers."""
+    of_consensus = {name: value for name, value in values.items() if name.startswith("consensus.")}
+    fields = _fleet({name: value for name, value in values.items() if name not in of_consensus})
+    given = tuple(f"{name.partition('.')[2]}={value}" for name, value in of_consensus.items())
+    return {**fields, "consensus": f"{hostile_fleet.__name__}:HostileMaximum", "consensus_with": given}
+
+
 def _hostile(hunt: Hunt, name: str, **fields: Any) -> Hunt:
     """Return a hunt in which every part of the vehicles misbehaves; on a quadrotor the estimator alone."""
     known, whole = {each.name for each in hunt.space}, hunt.scenario != "quadrotor-canyon"
@@ -238,7 +257,15 @@ def _beside(derived: Callable[[Values], dict[str, Any]], names: Sequence[str], v
 HOSTILE = (
     _hostile(SAFE_FLIGHT, "strangers, certified"),
     _hostile(SAFE_FLIGHT, "strangers, filtered", filter=True),
-    _hostile(FLEET, "strangers in a fleet"),
+    _hostile(
+        replace(
+            FLEET,
+            space=(*FLEET.space, *STRANGE_FLEET),
+            scenario=f"{hostile_fleet.__name__}:HostileArrival",
+            derived=_strange_fleet,
+        ),
+        "strangers in a fleet",
+    ),
     _hostile(QUADROTOR, "a stranger's estimator of a quadrotor"),
 )
 

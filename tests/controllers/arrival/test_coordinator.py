@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +38,11 @@ class Fleet:
     """Three coordinators on a line a - b - c, 1 km apart; each can arrive at its own time."""
 
     def __init__(
-        self, times: dict[str, float], deadline: float = 1000.0, assured: AssuredArrival | None = None
+        self,
+        times: dict[str, float],
+        deadline: float = 1000.0,
+        assured: AssuredArrival | None = None,
+        wrapped: Callable[[str, Any], Any] = lambda name, part: part,
     ) -> None:
         graph, rng = Graph.line(NAMES), np.random.default_rng(0)
         self.network, self.announced = IdealNetwork(NAMES), {name: [] for name in NAMES}  # type: ignore[var-annotated]
@@ -49,7 +55,7 @@ class Fleet:
             consensus = Maximum.build(Maximum.Config(period=ROUND), graph.neighbourhood(name, H, deadline))
             self.coordinators[name] = FleetCoordinator(
                 separation,
-                consensus,
+                wrapped(name, consensus),
                 graph.neighbours(name),
                 lambda plan, t, own=name: times[own],
                 H,

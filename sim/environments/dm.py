@@ -198,9 +198,9 @@ class FilteredEnvironment(dm_env.Environment):
         """Hold the filtered action for a period; before the first episode and after the end of one, begin the next."""
         if self.environment.fresh:
             return self.reset()
-        reward = 0.0
+        reward, proposed = 0.0, self._filter.proposed(action)
         for _ in range(self._filter.repeats):
-            made = self.environment.step(self._filter.filtered(action))
+            made = self.environment.step(self._filter.filtered(proposed))
             reward += made.reward
             if made.last():
                 break

@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.boundary import Unusable, answered
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array, Estimate, Status
@@ -62,6 +63,27 @@ class EpisodeStep:
     def last(self) -> bool:
         """True if no step comes after this one."""
         return self.terminated or self.truncated
+
+
+def checked_numbers(action: Any, shape: tuple[int, ...], what: str = "action has", meaning: str = "") -> Array:
+    """Return an action as an array of the episode's own; ArgumentError for one of another shape, or of no numbers.
+
+    ``what`` begins the messages, and ``meaning`` ends that on a shape.
+    """
+    u = answered(lambda: np.array(action))
+    if isinstance(u, Unusable):
+        raise ArgumentError(f"{what} type {type(action).__name__} ({u.reason}); allowed: an array of shape {shape}")
+    if u.shape != shape:
+        raise ArgumentError(f"{what} shape {u.shape}; allowed: {shape}{meaning}")
+    if u.dtype.kind not in "biuf":
+        raise ArgumentError(f"{what} elements of {u.dtype}; allowed: numbers")
+    return u.astype(np.float64, copy=False)
+
+
+def finite_squares(u: Array) -> bool:
+    """Return True if the sum of the squares is finite."""
+    with np.errstate(over="ignore"):
+        return bool(np.isfinite(np.square(u).sum()))
 
 
 def drawn_seed(rng: np.random.Generator) -> int:
@@ -285,14 +307,10 @@ class EpisodeRunner:
         """Return the command (nu,) of each vehicle to these inputs; ArgumentError for one of another shape or not
         finite.
         """
-        u = np.array(command, dtype=np.float64)
         size = len(inputs.names)
         shape = (len(self.names), size) if len(self.names) > 1 else (size,)
-        if u.shape != shape:
-            raise ArgumentError(f"action has shape {u.shape}; allowed: {shape}, of {', '.join(inputs.names)}")
-        with np.errstate(over="ignore"):
-            finite = np.isfinite(np.square(u).sum())
-        if not finite:
+        u = checked_numbers(command, shape, meaning=f", of {', '.join(inputs.names)}")
+        if not finite_squares(u):
             raise ArgumentError(f"action = {u.tolist()}; allowed: finite numbers, whose squares are finite too")
         return dict(zip(self.names, u.reshape(len(self.names), size), strict=True))
 

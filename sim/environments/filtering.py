@@ -15,6 +15,7 @@ import dataclasses
 from typing import Any
 
 from mathnavi.controllers.flight.command_filter import FilteredCommand
+from mathnavi.interfaces.signals import Array
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.scenarios.task import Inputs
@@ -44,6 +45,10 @@ class EpisodeFilter:
         self._filters = self._episode.filters()
         self._interventions = dict.fromkeys(self._episode.names, 0)
         self._answers: dict[str, list[FilteredCommand]] = {name: [] for name in self._episode.names}
+
+    def proposed(self, action: Any) -> Array:
+        """Return an action as a proposal for several periods of the tracker; ArgumentError as of ``filtered``."""
+        return self._episode.rows([*self._episode.checked(action, self.inputs).values()])
 
     def filtered(self, proposed: Any) -> Any:
         """Return the command (nu,) for the tracker's period, of a fleet (n, nu), in place of a proposed one.

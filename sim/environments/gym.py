@@ -187,9 +187,9 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
 
     def step(self, action: Array) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
         """Hold the filtered action for a period; the reward is that of the whole period."""
-        total = 0.0
+        total, proposed = 0.0, self._filter.proposed(action)
         for _ in range(self._filter.repeats):
-            observation, reward, terminated, truncated, info = self.env.step(self._filter.filtered(action))
+            observation, reward, terminated, truncated, info = self.env.step(self._filter.filtered(proposed))
             total += float(reward)
             if terminated or truncated:
                 break

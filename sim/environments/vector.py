@@ -42,7 +42,13 @@ from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.input_bounds import ROUND_OFF
 from mathnavi.sim.engine.loop import whole_ticks
-from mathnavi.sim.environments.episode_runner import EpisodeRunner, Observation, drawn_seed
+from mathnavi.sim.environments.episode_runner import (
+    EpisodeRunner,
+    Observation,
+    checked_numbers,
+    drawn_seed,
+    finite_squares,
+)
 from mathnavi.sim.environments.gym import LearningEnv
 from mathnavi.sim.environments.learning import END_COSTS
 from mathnavi.sim.environments.resets import checked_limit, checked_mode, reset_rows, seeds_of_rows
@@ -132,6 +138,8 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, NDArray[Any]]):
         made = [Mission.from_terms(terms), *(Mission.from_terms(flight_terms(other)) for other in others)]
         self._missions = [made[k % len(made)] for k in range(num_envs)]
         self.single_action_space, self.single_observation_space = first.action_space, first.observation_space
+        assert isinstance(first.action_space, spaces.Box)
+        self._low, self._high = first.action_space.low.copy(), first.action_space.high.copy()  # a learner has the space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._runner, self._discount, self._hold = runner, float(discount), first.hold
@@ -252,17 +260,14 @@ class SafeFlightVectorEnv(VectorEnv[Observation, Array, NDArray[Any]]):
         """Return the accelerations (n, 3) clipped to their bounds, zero in rows that are ignored, and events where
         clipping begins.
         """
-        u = np.array(actions, dtype=np.float64)
-        if u.shape != (self.num_envs, 3):
-            raise ArgumentError(f"actions have shape {u.shape}; allowed: {(self.num_envs, 3)}")
+        u = checked_numbers(actions, (self.num_envs, 3), "actions have")
         u[ignored] = 0.0
-        if not np.isfinite(u).all():
-            where = int(np.argwhere(~np.isfinite(u))[0, 0])
-            raise ArgumentError(f"actions[{where}] = {u[where].tolist()}; allowed: finite numbers")
-        box = self.single_action_space
-        assert isinstance(box, spaces.Box)
-        u = np.clip(u, box.low, box.high)
-        longest, lengths = float(box.high[0]), np.sqrt(np.einsum("ij,ij->i", u, u))
+        if not finite_squares(u):
+            where = next(i for i, row in enumerate(u) if not finite_squares(row))
+            allowed = "finite numbers, whose squares are finite too"
+            raise ArgumentError(f"actions[{where}] = {u[where].tolist()}; allowed: {allowed}")
+        u = np.clip(u, self._low, self._high)
+        longest, lengths = float(self._high[0]), np.sqrt(np.einsum("ij,ij->i", u, u))
         beyond = lengths > longest
         u[beyond] *= (longest / lengths[beyond])[:, np.newaxis]
         clipped = lengths > longest * (1.0 + ROUND_OFF)

@@ -26,7 +26,7 @@ from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.protocols import Coordinator
 from mathnavi.interfaces.signals import Message, Outbox, Plan
-from mathnavi.models.aerial.knowledge import TERRAIN
+from mathnavi.models.aerial.knowledge import TARGET, TERRAIN
 from mathnavi.models.fleet.graph import Neighbourhood
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
@@ -43,7 +43,7 @@ ConsensusMisdeed = Literal[
 CoordinatorMisdeed = Literal[
     "none", "raises", "raises-after", "exits", "nothing", "list", "silent", "deaf", "nan-time", "future",
     "other-sender", "to-nobody", "object", "torn", "arrival-nan", "arrival-infinite", "arrival-now", "map",
-    "forged-events", "refuses", "text", "forgets", "moves-plans", "moves-messages",
+    "target", "forged-events", "refuses", "text", "forgets", "moves-plans", "moves-messages",
 ]  # fmt: skip
 
 
@@ -213,6 +213,7 @@ class HostileCoordinator:
             "arrival-nan": lambda: self._told(t, ARRIVAL, math.nan), "arrival-now": lambda: self._told(t, ARRIVAL, t),
             "arrival-infinite": lambda: self._told(t, ARRIVAL, math.inf),
             "map": lambda: self._told(t, TERRAIN, self._lowered()),
+            "target": lambda: self._told(t, TARGET, (*self._rng.uniform(100.0, 540.0, 2).tolist(), 1500.0)),
             "forged-events": lambda: dataclasses.replace(good, events=(("guarantee-held", ""), ("diverged", ""))),
         }  # fmt: skip
         return answers[misdeed]() if misdeed in answers else good

@@ -6,7 +6,7 @@ the mutants: by the number of missions until it is found, compared with random d
 has all checks, is searched in the same spaces.
 
 The spaces are in ``hunt_spaces``. In further searches the parts of the vehicles are those of strangers that misbehave
-(``hostile_parts``).
+(``hostile_parts``, ``hostile_fleet``).
 """
 
 from __future__ import annotations
@@ -86,7 +86,8 @@ class HuntStudy:
                 "event has announced counts as none. The mutants are controllers with one check left out each; their "
                 "hole is found when a mission comes below h_min. The controller flight is searched in the same "
                 "spaces, with as many missions. In further searches planner, tracker and estimator are those of "
-                "strangers, which raise, answer nonsense, lie, or change what they were given, at random instants.",
+                "strangers, in a fleet also coordinator and consensus, which raise, answer nonsense, lie, or change "
+                "what they were given, at random instants.",
                 *_violations({**found, **strangers}),
             ),
             rows=[*rows, *strange_rows, *hole_rows],
@@ -263,7 +264,8 @@ def _hostile_claim(rows: Sequence[dict[str, Any]]) -> Claim:
     )
     return Claim(
         "search.hostile", "target",
-        "Whatever a stranger's planner, tracker or estimator answers, no bound is broken that is said to be kept.",
+        "Whatever a stranger's planner, tracker, estimator, coordinator or consensus answers, no bound is broken that "
+        "is said to be kept.",
         "beyond the thesis", f"none of {4 * (FEWEST // 2)} missions",
         f"{silent} silent of {total} missions, {violated} violations in all; {failed} failed",
         silent == 0 and failed == 0,

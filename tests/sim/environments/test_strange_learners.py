@@ -67,6 +67,7 @@ def built_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mathnavi.sim.environments.gym.EpisodeRunner", lambda spec: missions.commanded(spec.scenario))
 
 
+@pytest.mark.refused("plug-in", "learner: an action that is none")
 @pytest.mark.parametrize("kind", ["v0", "v1", "vector", "filtered", "filtered by dm_env"])
 def test_what_is_no_action_is_refused_in_one_line_and_the_episode_goes_on_as_before(kind: str) -> None:
     envs = alone(kind)

@@ -40,6 +40,7 @@ _MOST_EVENTS = 1000
 _OF_THE_LOOP = (Status.INITIALISING, Status.DEGRADED, Status.LOST, Status.LATE, Status.NOT_ADMITTED)
 _ROUNDING = 1e-6  # [s] of a time
 _RELATIVE = 1e-6  # rounding of the length of a command
+_FINITE = "finite numbers, whose squares are finite too"
 _SYMMETRIC = 1e-6  # share of the greatest variance by which a covariance may differ from its transpose
 
 
@@ -201,21 +202,25 @@ def usable_estimate(
     before: Estimate | None = None,
     size: int | None = None,
     age: float = math.inf,
+    unflyable: Callable[[Estimate], str] | None = None,
     *,
     own: bool = False,
 ) -> Estimate | Unusable:
     """Return an estimator's answer at t [s], with arrays of the loop's own and of the sizes of the one ``before``.
 
-    ``size`` is nx if that is known. Its time may be ``age`` [s] past. An answer of mathnavi's ``own`` parts is returned
-    as it is if it can be used so, for they make new arrays for every answer.
+    ``size`` is nx if that is known. Its time may be ``age`` [s] past. ``unflyable`` says what it lacks, "" if nothing.
+    An answer of mathnavi's ``own`` parts is returned as it is if it can be used so, for they make new arrays for every
+    answer.
     """
-    if own and before is not None and _usable_as_it_is(answer, t, before, age):
+    if own and before is not None and _usable_as_it_is(answer, t, before, age, unflyable):
         usable: Estimate = answer
         return usable
-    return _checked(lambda: _estimate(answer, t, before, size, age))
+    return _checked(lambda: _estimate(answer, t, before, size, age, unflyable))
 
 
-def _usable_as_it_is(answer: Any, t: float, before: Estimate, age: float) -> bool:
+def _usable_as_it_is(
+    answer: Any, t: float, before: Estimate, age: float, unflyable: Callable[[Estimate], str] | None
+) -> bool:
     """Return True for an estimate in which there is nothing to convert; this is asked at every control step."""
     if not (isinstance(answer, Estimate) and isinstance(answer.status, Status)):
         return False
@@ -226,10 +231,18 @@ def _usable_as_it_is(answer: Any, t: float, before: Estimate, age: float) -> boo
         and x.shape == before.x.shape
         and math.isfinite(x.dot(x))
         and (P is None or P is before.covariance or (bool(P.diagonal().min() >= 0.0) and P.tobytes() == P.T.tobytes()))
+        and (unflyable is None or not unflyable(answer))
     )
 
 
-def _estimate(answer: Any, t: float, before: Estimate | None, size: int | None, age: float) -> Estimate:
+def _estimate(
+    answer: Any,
+    t: float,
+    before: Estimate | None,
+    size: int | None,
+    age: float,
+    unflyable: Callable[[Estimate], str] | None,
+) -> Estimate:
     if not isinstance(answer, Estimate):
         raise _RefusedError(f"update() returned {type(answer).__name__}; allowed: Estimate")
     if not isinstance(answer.status, Status):
@@ -244,15 +257,19 @@ def _estimate(answer: Any, t: float, before: Estimate | None, size: int | None, 
         allowed = f"({nx},)" if before is None else f"{before.x.shape}, as before"
         raise _RefusedError(f"the estimate's state has shape {x.shape}; allowed: {allowed}")
     if not _finite(x):
-        raise _RefusedError(f"the estimate is {x.tolist()}; allowed: finite numbers")
+        raise _RefusedError(f"the estimate is {x.tolist()}; allowed: {_FINITE}")
     covariance = None if answer.covariance is None else _covariance(answer.covariance)
     extra = _extra(answer.extra, NOTHING if before is None else before.extra) if answer.extra else NOTHING
-    return Estimate(then, x, covariance, answer.status, extra, str(answer.message))
+    made = Estimate(then, x, covariance, answer.status, extra, str(answer.message))
+    if unflyable is not None and (reason := unflyable(made)):
+        raise _RefusedError(reason)
+    return made
 
 
 def _finite(values: Array) -> bool:
-    # The square is finite if the values are, short of a length of 1e154, and found sooner.
-    return math.isfinite(values.dot(values)) or bool(np.isfinite(values).all())
+    # With their squares, of which norms and feedback are made.
+    with np.errstate(over="ignore"):
+        return math.isfinite(values.dot(values))
 
 
 def _covariance(values: Any) -> Array:
@@ -275,6 +292,8 @@ def _extra(extra: Any, before: Mapping[str, Array]) -> Mapping[str, Array]:
         name, output = str(key), np.array(values)
         if output.dtype.kind not in "biuf":
             raise _RefusedError(f"the output {name!r} is an array of {output.dtype}; allowed: numbers")
+        if output.dtype.kind == "f":
+            output = output.astype(np.float64, copy=False)  # compiled code knows no other widths
         if name in before and before[name].shape != output.shape:
             raise _RefusedError(
                 f"the output {name!r} has shape {output.shape}; allowed: {before[name].shape}, as before"
@@ -345,7 +364,7 @@ def _command(answer: Any, shape: tuple[int, ...], longest: float) -> Array:
     if command.shape != shape:
         raise _RefusedError(f"the command has shape {command.shape}; allowed: {shape}")
     if not _finite(command):
-        raise _RefusedError(f"the command is {command.tolist()}; allowed: finite numbers")
+        raise _RefusedError(f"the command is {command.tolist()}; allowed: {_FINITE}")
     if command.dot(command) > (longest * (1.0 + _RELATIVE)) ** 2:
         raise _RefusedError(f"the command is {command.tolist()}; allowed: a length of at most {longest:g}")
     return command

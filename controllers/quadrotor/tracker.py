@@ -179,6 +179,12 @@ class TrackerConfig:
                 f"{self.attitude_bandwidth!r}, or position and attitude fight each other"
             )
 
+    @classmethod
+    def held_for(cls, period: float) -> TrackerConfig:
+        """Make the default gains, or where commands are held for too long a ``period`` [s], slower ones."""
+        attitude = min(cls.attitude_bandwidth, _FASTEST / period)
+        return cls(position_bandwidth=min(cls.position_bandwidth, 0.5 * attitude), attitude_bandwidth=attitude)
+
 
 class GeometricTracker:
     """Tracker of the last accepted plan with four rotors, to rest and beyond."""
@@ -281,14 +287,32 @@ class GeometricTracker:
         self._heading = math.remainder(self._heading + self._turn * self.period, 2.0 * math.pi)
 
 
-def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:
-    """p, v, R and omega of an estimate."""
-    attitude, rate = (estimate.extra.get(name, _MISSING) for name in ("attitude", "rate"))
-    for name, value, size in (("state", estimate.x, 6), ("attitude", attitude, 4), ("rate", rate, 3)):
-        if value.shape != (size,) or not np.isfinite(value).all():
+def unflyable(estimate: Estimate) -> str:
+    """Reason why a quadrotor cannot be flown with an estimate; "" if it can."""
+    for name, value, size in (
+        ("state", estimate.x, 6),
+        ("attitude", estimate.extra.get("attitude", _MISSING), 4),
+        ("rate", estimate.extra.get("rate", _MISSING), 3),
+    ):
+        if value.shape != (size,) or not _is_finite(value):
             got = "missing" if value is _MISSING else f"{value.tolist()}"
-            raise ArgumentError(f"the estimate's {name} is {got}; allowed: {size} finite numbers")
+            return f"the estimate's {name} is {got}; allowed: {size} finite numbers"
+    attitude = estimate.extra["attitude"]
     length = float(np.linalg.norm(attitude))
     if not _SHORTEST < length < 1.0 / _SHORTEST:
-        raise ArgumentError(f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1")
-    return estimate.x[:3], estimate.x[3:], rotation(attitude / length), rate
+        return f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1"
+    return ""
+
+
+def _is_finite(value: Array) -> bool:
+    """Return True for finite numbers whose squares are finite too, as the norms are that are made of them."""
+    with np.errstate(over="ignore"):
+        return math.isfinite(value.dot(value))
+
+
+def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:
+    """p, v, R and omega of an estimate."""
+    if reason := unflyable(estimate):
+        raise ArgumentError(reason)
+    attitude = estimate.extra["attitude"]
+    return estimate.x[:3], estimate.x[3:], rotation(attitude / float(np.linalg.norm(attitude))), estimate.extra["rate"]

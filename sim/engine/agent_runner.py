@@ -17,11 +17,15 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 from time import perf_counter
 from typing import Any, TypeVar
 
+import numpy as np
+
 from mathnavi.interfaces.boundary import (
     Unusable,
+    answered,
     guest,
     handed,
     locked_plan,
@@ -129,8 +133,9 @@ class Agent:
     stored: Plan | None = None  # flown from the start; without one the first plan, as soon as it is available
     sensors: Sequence[str] = ()  # names of those that the estimator requires
     command: Array | None = None  # (nu,) until the tracker's first; zero if not given
-    start: Array | None = None  # (nx,) the declared state at the beginning, of which an estimate is the error
-    flow: Callable[[Array, Array, float], Array] | None = None  # state after an input (nu,) was held for [s]
+    start: Estimate | None = None  # the declared one at the beginning
+    flow: Callable[[Estimate, Array, float], Estimate] | None = None  # moved on under an input (nu,) held for [s]
+    unflyable: Callable[[Estimate], str] | None = None  # why no tracker can fly with an estimate; "" if one can
     spare: Tracker | None = None  # flies the plan where the tracker's command cannot be used
     estimate_age: float = math.inf  # [s] that the time of an estimate may be past
     command_max: float = math.inf  # greatest length of a command
@@ -253,8 +258,12 @@ class AgentRunner:
         own = not self.guests["estimator"]
         command = self.command if own else self.command.copy()
         answer = self._answer(ESTIMATOR, agent.estimator.update, t, self.inbox, command)
-        size, age = None if agent.start is None else len(agent.start), agent.estimate_age
-        estimate = answer if isinstance(answer, Unusable) else usable_estimate(answer, t, before, size, age, own=own)
+        size, age = None if agent.start is None else len(agent.start.x), agent.estimate_age
+        estimate = (
+            answer
+            if isinstance(answer, Unusable)
+            else usable_estimate(answer, t, before, size, age, agent.unflyable, own=own)
+        )
         self.inbox = []
         if not self.unused_readings.settled:
             for sensor in self.unused_readings.found():
@@ -273,13 +282,16 @@ class AgentRunner:
         """The estimate at t [s] without the estimator: the last one, or the declared start, moved on as declared."""
         start, last = self.agent.start, self.estimate
         if last is None and start is not None:
-            last = Estimate(t, start.copy())
+            last = replace(start, t=t)
         if last is None:
             return None
-        x, then, flow = last.x, last.t, self.agent.flow
-        if flow is not None and t > then:
-            x, then = flow(x, self.command, t - then), t
-        return Estimate(then, x, last.covariance, Status.LOST, last.extra)
+        flow = self.agent.flow
+        if flow is not None and t > last.t:
+            with np.errstate(over="ignore", invalid="ignore"):
+                moved = replace(flow(last, self.command, t - last.t), t=t)
+            usable = usable_estimate(moved, t, last, len(last.x), unflyable=self.agent.unflyable)
+            last = last if isinstance(usable, Unusable) else usable  # what is beyond all numbers stays
+        return replace(last, status=Status.LOST, message="")
 
     def _exchange(self, t: float, communication: Communication) -> None:
         """Propose a plan that has become available, and exchange messages with the others."""
@@ -409,7 +421,12 @@ class AgentRunner:
             self.record.event(t, kind, message)
 
     def _track(self, t: float, estimate: Estimate, plan: Plan | None) -> None:
-        command = self._command(self.agent.tracker, t, estimate, plan)
+        command = self._command(partial(self._answer, TRACKER), self.agent.tracker, t, estimate, plan)
+        spare: Tracker | None = self.agent.spare
+        instead: Array | Unusable = Unusable("")
+        if spare is not None and (self.guests["tracker"] or isinstance(command, Unusable)):
+            # Asked beside a guest at every step: a tracker with a memory has to know the steps before it is needed.
+            instead = self._command(answered, spare, t, estimate, plan)
         self._record_events(t, "tracker")
         usable, before = not isinstance(command, Unusable), self.usable
         self.usable = usable
@@ -419,19 +436,20 @@ class AgentRunner:
         if not isinstance(command, Unusable):
             self.command = command
             return
-        spare = Unusable("") if self.agent.spare is None else self._command(self.agent.spare, t, estimate, plan)
-        held = isinstance(spare, Unusable)
         if before:
-            instead = "the last usable command is held" if held else "the plan is tracked without the tracker"
-            self.record.event(t, "command-unusable", f"{command.reason}; {instead}")
-        if not isinstance(spare, Unusable):
-            self.command = spare
+            held = isinstance(instead, Unusable)
+            what = "the last usable command is held" if held else "the plan is tracked without the tracker"
+            self.record.event(t, "command-unusable", f"{command.reason}; {what}")
+        if not isinstance(instead, Unusable):
+            self.command = instead
 
-    def _command(self, tracker: Tracker, t: float, estimate: Estimate, plan: Plan | None) -> Array | Unusable:
+    def _command(
+        self, ask: Callable[..., Any], tracker: Tracker, t: float, estimate: Estimate, plan: Plan | None
+    ) -> Array | Unusable:
         own = not self.guests["tracker"]
         if not own:
             estimate, plan = own_copy(estimate), None if plan is None else locked_plan(plan)
-        answer = self._answer(TRACKER, tracker.command, t, estimate, plan)
+        answer = ask(tracker.command, t, estimate, plan)
         if isinstance(answer, Unusable):
             return answer
         return usable_command(answer, self.command.shape, self.agent.command_max, own=own)

@@ -5,7 +5,7 @@ the tracker's period. The observation is the newest estimate, never the truth:
 
     t            [s] at which the estimate is valid
     x            (nx,) the state, as the scenario's estimator has it
-    covariance   (nx, nx) if the estimator has one; zeros as long as there is none yet
+    covariance   (nx, nx) if the estimator has one; zeros where there is none that is finite and of its size
     status       0 ok, 1 initialising, 2 lost, 3 degraded
     attitude, rate of a quadrotor: the parts of its estimate that it cannot be flown without
 
@@ -122,6 +122,7 @@ class EpisodeRunner:
         self._loop = Loop(first.plant, first.agents, first.duration)
         self.outcome: Outcome | None = None
         """outcome of the mission; None while it goes on"""
+        self._sizes: dict[str, tuple[int, ...]] = {}  # of the covariances, once they are known
         self.has_covariance = self._finds_covariance()
         """whether the estimators have a covariance"""
         self.example = self._observation()
@@ -328,6 +329,11 @@ class EpisodeRunner:
             self._sample = self._sampled()
             estimates = self._sample.estimates.values()
             if any(estimate.covariance is not None for estimate in estimates):
+                self._sizes = {
+                    name: estimate.covariance.shape
+                    for name, estimate in self._sample.estimates.items()
+                    if estimate.covariance is not None
+                }
                 return True
             if self._loop.over or all(estimate.status is not Status.INITIALISING for estimate in estimates):
                 return False
@@ -356,7 +362,7 @@ class EpisodeRunner:
     @property
     def covariance(self) -> Array:
         """Return the covariance (nx, nx) of the estimate, of a fleet (n, nx, nx)."""
-        return self.rows([_covariance(self._sample.estimates[name]) for name in self.names])
+        return self.rows([_covariance(self._sample.estimates[name], self._sizes.get(name)) for name in self.names])
 
 
 def _commanded(scenario: str, closed_loop: ClosedLoop) -> tuple[Task, LearningTerms | None]:
@@ -396,6 +402,8 @@ def _number(status: Status) -> int:
     return STATUSES.index(status) if status in STATUSES else STATUSES.index(Status.LOST)
 
 
-def _covariance(estimate: Estimate) -> Array:
-    n = len(estimate.x)
-    return np.zeros((n, n)) if estimate.covariance is None else np.array(estimate.covariance)
+def _covariance(estimate: Estimate, size: tuple[int, ...] | None) -> Array:
+    n, P = len(estimate.x), estimate.covariance
+    if P is None or P.shape != (size or P.shape) or not np.isfinite(P).all():
+        return np.zeros(size or (n, n))
+    return P.copy()

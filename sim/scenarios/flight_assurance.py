@@ -6,6 +6,7 @@ flown without a certificate.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -17,7 +18,7 @@ from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import FASTEST, CriticallyDamped
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
-from mathnavi.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.plugin.registry import PluginSpec, called, checked_controller
@@ -62,8 +63,12 @@ def assured(mission: FlightMission, tracker: Any, *, guaranteed: bool = True) ->
     bandwidth = min(FlightConfig.bandwidth, FASTEST / mission.control_period)
     spare = CriticallyDamped(mission.control_period, bandwidth, tracker.bound)
     strongest = mission.acceleration_max if guaranteed else math.inf
+
+    def flow(estimate: Estimate, u: Array, dt: float) -> Estimate:
+        return dataclasses.replace(estimate, x=mission.flow(estimate.x, u, dt))
+
     return {
-        "start": mission.start_state, "flow": mission.flow, "spare": spare, "estimate_age": 0.0,
+        "start": Estimate(0.0, mission.start_state), "flow": flow, "spare": spare, "estimate_age": 0.0,
         "command_max": strongest,
     }  # fmt: skip
 

@@ -36,13 +36,13 @@ from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.command_filter import TrackedCommandFilter
 from mathnavi.controllers.quadrotor.bound import tracking_bound
 from mathnavi.controllers.quadrotor.similarity import Similarity
-from mathnavi.controllers.quadrotor.tracker import GeometricTracker
+from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig, unflyable
 from mathnavi.interfaces.boundary import Unusable, answered, usable_estimate
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.protocols import Planner
-from mathnavi.interfaces.signals import Array, Plan
+from mathnavi.interfaces.signals import Array, Estimate, Plan
 from mathnavi.models.aerial.mission import EstimateQuality
-from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, ROTOR_COUNT, ROTORS, VELOCITY
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -116,7 +116,7 @@ class QuadrotorCanyon:
         # Separate sensors: those of the flight may lose readings at random.
         faultless = dataclasses.replace(parts, faults=()).stack(mission)
         trial = dataclasses.replace(setup, sensors=faultless.sensors)
-        _check_estimates(parts, faultless, MujocoPlant(model, {VEHICLE: trial}, np.random.default_rng(0)), first)
+        _check_estimates(parts, faultless, MujocoPlant(model, {VEHICLE: trial}, np.random.default_rng(0)))
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
         duration = longest_flight(2.0 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
 
@@ -125,7 +125,7 @@ class QuadrotorCanyon:
         place = terrain_record(terrain, config.terrain)
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=vehicle.mass),
-            {VEHICLE: stack.agent(ROTOR_COUNT, start=mission.flight.start_state, estimate_age=0.0)},
+            {VEHICLE: stack.agent(ROTOR_COUNT, **_assured(mission, stack.tracker))},
             duration,
             partial(finished, flight, body),
             partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
@@ -200,6 +200,29 @@ def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembl
     return between(start, target), first
 
 
+def _assured(mission: QuadrotorMission, tracker: Any) -> dict[str, Any]:
+    """Fields of the agent by which it flies on without its estimator, and without its tracker.
+
+    A missing estimate is moved on as a rigid body, with its attitude and rate, under the thrusts that the rotors can
+    have. A plan is tracked with the tracker's own bound.
+    """
+
+    def estimate_of(x: Array, extra: Mapping[str, Array]) -> dict[str, Any]:
+        parts = {"attitude": x[ATTITUDE].copy(), "rate": x[RATE].copy()}
+        return {"x": np.concatenate([x[POSITION], x[VELOCITY]]), "extra": {**extra, **parts}}
+
+    def flow(estimate: Estimate, u: Array, dt: float) -> Estimate:
+        attitude, rate = estimate.extra["attitude"], estimate.extra["rate"]
+        x = np.concatenate([estimate.x[:3], attitude / np.linalg.norm(attitude), estimate.x[3:], rate])
+        moved = mission.flow(x, np.clip(u, 0.0, mission.vehicle.thrust_max), dt)
+        return dataclasses.replace(estimate, **estimate_of(moved, estimate.extra))
+
+    period = mission.control_period
+    spare = GeometricTracker(period, TrackerConfig.held_for(period), mission.vehicle, tracker.bound)
+    start = Estimate(0.0, **estimate_of(mission.start_state, {}))
+    return {"start": start, "flow": flow, "unflyable": unflyable, "spare": spare, "estimate_age": 0.0}
+
+
 def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.Generator) -> Point:
     """Drawn point (x, y, z) [m] above a node of the map's lowest ground."""
     border = math.ceil(_BORDER * max(terrain.z.shape))
@@ -212,17 +235,15 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
     return x, y, float(_raised(terrain).height(x, y)) + above
 
 
-def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, plan: Plan) -> None:
-    """Raise PluginError for an estimator without the estimates that the tracker needs."""
+def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant) -> None:
+    """Raise PluginError for an estimator without the estimates that a tracker needs."""
     first = answered(lambda: stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT)))
     estimate = first if isinstance(first, Unusable) else usable_estimate(first, 0.0)
     if isinstance(estimate, Unusable) or not estimate.status.usable:
         return  # an answer that cannot be used, or not enough readings yet to decide
-    try:
-        stack.tracker.command(0.0, estimate, plan)
-    except ValueError as error:
+    if reason := unflyable(estimate):
         name = called("estimators", parts.estimator.name)
-        raise PluginError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None
+        raise PluginError(f"estimator = {name!r}: {reason}, as those of quadrotor_state are")
 
 
 def _task(flight: TrueQuadrotorFlight, body: MujocoPlant, controller: PluginSpec, period: float) -> Task | None:

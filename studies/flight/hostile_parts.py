@@ -16,12 +16,15 @@ import numpy as np
 from annotated_types import Interval
 
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
+from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Plan, PlanRequest, Status
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT
+from mathnavi.models.quadrotor.mission import QuadrotorMission
 
 Share = Annotated[float, Interval(ge=0.0, le=1.0)]
 PlannerMisdeed = Literal[
@@ -29,12 +32,12 @@ PlannerMisdeed = Literal[
     "dive", "moves-estimate", "moves-plan", "forges", "keeps",
 ]  # fmt: skip
 TrackerMisdeed = Literal[
-    "none", "raises", "lists", "nan", "four", "huge", "dive", "random", "moves-estimate", "moves-plan",
+    "none", "raises", "lists", "nan", "another-size", "huge", "dive", "random", "moves-estimate", "moves-plan",
 ]  # fmt: skip
 EstimatorMisdeed = Literal[
     "none", "raises", "none-at-all", "lists", "nan", "nine", "covariance-lists", "covariance-nan", "covariance-torn",
-    "negative", "stale", "future", "other-status", "gust", "words", "jumps", "unsure", "lost", "moves-command",
-    "keeps",
+    "covariance-nine", "negative", "stale", "future", "other-status", "gust", "words", "half", "bare", "blank", "jumps",
+    "far", "unsure", "lost", "moves-command", "keeps",
 ]  # fmt: skip
 
 
@@ -46,8 +49,8 @@ class OtherStatus:
 
 
 @configuration
-class HostileFlightConfig(FlightConfig):
-    """Fields of the controller."""
+class Misdeeds:
+    """Fields of a controller that misbehaves."""
 
     misdeed: PlannerMisdeed = "none"
     """misdeed of the planner"""
@@ -57,6 +60,11 @@ class HostileFlightConfig(FlightConfig):
     """share of the calls at which it is committed, 0 to 1"""
     draw: int = 0
     """seed by which these calls are drawn"""
+
+
+@configuration
+class HostileFlightConfig(Misdeeds, FlightConfig):
+    """Fields of the controller."""
 
 
 class HostileFlight(FlightController):
@@ -70,7 +78,36 @@ class HostileFlight(FlightController):
         assert isinstance(config, HostileFlightConfig)
         planner, tracker = FlightController.build(config, mission)
         rng = np.random.default_rng(config.draw)
-        return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng)
+        return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng, _point_mass)
+
+
+def _point_mass(rng: np.random.Generator) -> dict[str, Array]:
+    """Accelerations (3,) [m/s^2] down, and in any direction."""
+    return {"dive": np.array([0.0, 0.0, -50.0]), "random": 20.0 * rng.normal(size=3)}
+
+
+@configuration
+class HostileQuadrotorConfig(Misdeeds, QuadrotorConfig):
+    """Fields of the controller."""
+
+
+class HostileQuadrotor(QuadrotorFlight):
+    """The controller ``quadrotor`` with a planner and a tracker that misbehave."""
+
+    Config = HostileQuadrotorConfig
+
+    @staticmethod
+    def build(config: QuadrotorConfig, mission: QuadrotorMission) -> tuple[Planner, Tracker]:
+        """Return planner and tracker."""
+        assert isinstance(config, HostileQuadrotorConfig)
+        planner, tracker = QuadrotorFlight.build(config, mission)
+        rng = np.random.default_rng(config.draw)
+        return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng, _rotors)
+
+
+def _rotors(rng: np.random.Generator) -> dict[str, Array]:
+    """Thrusts (4,) [N] of rotors that stand still, and any, also beyond their bounds."""
+    return {"dive": np.zeros(ROTOR_COUNT), "random": NOMINAL.thrust_max * rng.normal(0.5, 0.5, ROTOR_COUNT)}
 
 
 def _write(values: Any, offset: float) -> None:
@@ -89,7 +126,7 @@ class HostilePlanner:
 
     guest = True
 
-    def __init__(self, planner: Planner, config: HostileFlightConfig, rng: np.random.Generator) -> None:
+    def __init__(self, planner: Planner, config: Misdeeds, rng: np.random.Generator) -> None:
         self.period = planner.period
         self._planner, self._config, self._rng = planner, config, rng
         self._kept: list[Plan] = []
@@ -146,9 +183,16 @@ class HostileTracker:
 
     guest = True
 
-    def __init__(self, tracker: Any, config: HostileFlightConfig, rng: np.random.Generator) -> None:
-        self.period, self.bound, self.held = tracker.period, tracker.bound, tracker.held
-        self._tracker, self._config, self._rng = tracker, config, rng
+    def __init__(
+        self,
+        tracker: Any,
+        config: Misdeeds,
+        rng: np.random.Generator,
+        others: Callable[[np.random.Generator], dict[str, Array]],
+    ) -> None:
+        """``others`` are commands of the vehicle that lead elsewhere, by the misdeed."""
+        self.period, self.bound, self.held = tracker.period, tracker.bound, getattr(tracker, "held", None)
+        self._tracker, self._config, self._rng, self._others = tracker, config, rng, others
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Any:
         """Return a command, or commit the misdeed."""
@@ -165,8 +209,8 @@ class HostileTracker:
             _write(plan.x, -300.0)
             object.__setattr__(plan, "x", plan.x - 300.0)
         answers: dict[str, Any] = {
-            "lists": u.tolist(), "nan": u * np.nan, "four": np.zeros(4), "huge": u + 1e6,
-            "dive": np.array([0.0, 0.0, -50.0]), "random": 20.0 * self._rng.normal(size=3),
+            "lists": u.tolist(), "nan": u * np.nan, "another-size": np.zeros(len(u) + 1), "huge": u + 1e6,
+            **self._others(self._rng),
         }  # fmt: skip
         return answers.get(misdeed, u)
 
@@ -177,6 +221,7 @@ class _Misdeeds:
     def __init__(self, misdeed: EstimatorMisdeed, share: float, draw: int) -> None:
         self._misdeed, self._share, self._rng = misdeed, share, np.random.default_rng(draw)
         self._past: list[Estimate] = []
+        self._jumps = 0
 
     def answer(self, t: float, good: Estimate, command: Array) -> Any:
         """Return the good estimate, or commit the misdeed."""
@@ -191,6 +236,7 @@ class _Misdeeds:
         if misdeed == "keeps" and len(self._past) > 1:
             _write(self._past[-2].x, 300.0)
         n = len(good.x)
+        self._jumps += 1  # each to a place of its own: two that agree are a consistent lie
         P = np.eye(n) if good.covariance is None else good.covariance
         stale = next((each for each in reversed(self._past) if each.t <= t - 1.0), self._past[0])
         answers: dict[str, Any] = {
@@ -201,13 +247,18 @@ class _Misdeeds:
             "covariance-lists": dataclasses.replace(good, covariance=P.tolist()),
             "covariance-nan": dataclasses.replace(good, covariance=P * np.nan),
             "covariance-torn": dataclasses.replace(good, covariance=P + np.triu(np.ones(P.shape), 1)),
+            "covariance-nine": dataclasses.replace(good, covariance=np.eye(9)),
             "negative": dataclasses.replace(good, covariance=-P - np.eye(len(P))),
             "stale": stale,
             "future": dataclasses.replace(good, t=t + 1.0),
             "other-status": dataclasses.replace(good, status=OtherStatus()),  # type: ignore[arg-type]
             "gust": dataclasses.replace(good, extra={**good.extra, "gust": np.zeros(2)}),
             "words": dataclasses.replace(good, extra={**good.extra, "gust": np.array(["a", "b", "c"])}),
-            "jumps": dataclasses.replace(good, x=good.x + 100.0 * np.eye(n)[self._rng.integers(3)]),
+            "half": dataclasses.replace(good, extra={**good.extra, "gust": np.zeros(3, np.float16)}),
+            "bare": dataclasses.replace(good, extra={}),
+            "blank": dataclasses.replace(good, extra={name: np.zeros_like(each) for name, each in good.extra.items()}),
+            "jumps": dataclasses.replace(good, x=good.x + 100.0 * self._jumps * np.eye(n)[self._rng.integers(3)]),
+            "far": dataclasses.replace(good, x=good.x + 1e200),
             "unsure": dataclasses.replace(good, covariance=P + 1e4 * np.eye(len(P))),
             "lost": dataclasses.replace(good, status=Status.LOST),
         }

@@ -266,7 +266,7 @@ def _hostile_claim(rows: Sequence[dict[str, Any]]) -> Claim:
         "search.hostile", "target",
         "Whatever a stranger's planner, tracker, estimator, coordinator or consensus answers, no bound is broken that "
         "is said to be kept.",
-        "beyond the thesis", f"none of {4 * (FEWEST // 2)} missions",
+        "beyond the thesis", f"none of {len(HOSTILE) * (FEWEST // 2)} missions",
         f"{silent} silent of {total} missions, {violated} violations in all; {failed} failed",
         silent == 0 and failed == 0,
     )  # fmt: skip

@@ -211,7 +211,6 @@ MISBEHAVING: tuple[Dimension, ...] = (
     Range("planner.share", 0.02, 1.0), Range("estimator.share", 0.02, 1.0), Range("planner.draw", 0, SEEDS),
     Range("estimator.draw", 0, SEEDS),
 )  # fmt: skip
-STRANGE_ESTIMATOR = tuple(each for each in MISBEHAVING if each.name.startswith("estimator."))
 STRANGE = f"{hostile_parts.__name__}:Hostile"
 
 
@@ -235,17 +234,17 @@ def _strange_fleet(values: Values) -> dict[str, Any]:
 
 
 def _hostile(hunt: Hunt, name: str, **fields: Any) -> Hunt:
-    """Return a hunt in which every part of the vehicles misbehaves; on a quadrotor the estimator alone."""
-    known, whole = {each.name for each in hunt.space}, hunt.scenario != "quadrotor-canyon"
-    more = tuple(each for each in (MISBEHAVING if whole else STRANGE_ESTIMATOR) if each.name not in known)
+    """Return a hunt in which every part of the vehicles misbehaves."""
+    known, rotors = {each.name for each in hunt.space}, hunt.scenario == "quadrotor-canyon"
+    more = tuple(each for each in MISBEHAVING if each.name not in known)
     return replace(
         hunt,
         name=name,
         space=(*hunt.space, *more),
         fields={**hunt.fields, **fields},
         derived=partial(_beside, hunt.derived, tuple(each.name for each in more)),
-        controller=f"{STRANGE}Flight" if whole else None,
-        estimator=f"{STRANGE}FullState" if whole else f"{STRANGE}QuadrotorState",
+        controller=STRANGE + ("Quadrotor" if rotors else "Flight"),
+        estimator=STRANGE + ("QuadrotorState" if rotors else "FullState"),
     )
 
 
@@ -266,7 +265,7 @@ HOSTILE = (
         ),
         "strangers in a fleet",
     ),
-    _hostile(QUADROTOR, "a stranger's estimator of a quadrotor"),
+    _hostile(QUADROTOR, "strangers on a quadrotor"),
 )
 
 

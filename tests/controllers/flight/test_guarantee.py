@@ -29,6 +29,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.hill import Hill, with_hills
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import Loop
+from mathnavi.sim.scenarios.flight_assurance import assured
 from tests import flight
 
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo, and a control period
@@ -114,12 +115,7 @@ class Flown:
         else:
             planner, tracker = Certified.for_mission(self.planner, MISSION, tracker), self.tracker  # type: ignore[assignment]
             self.guarantee = planner.guarantee  # type: ignore[attr-defined]
-        spare = FlightController.build(FlightConfig(nodes=7), MISSION)[1]
-        agent = Agent(
-            self.estimator, planner, tracker, messages=messages,
-            start=MISSION.start_state, flow=MISSION.flow, spare=spare, estimate_age=0.0,
-            command_max=MISSION.acceleration_max,
-        )  # fmt: skip
+        agent = Agent(self.estimator, planner, tracker, messages=messages, **assured(MISSION, tracker))
         self.plant = flight.PointMass(MISSION.start_state, DT)
         self.loop = Loop(self.plant, {"vehicle": agent}, 600.0)
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import SyncVectorEnv
 
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.environments.dm import FilteredEnvironment
 from mathnavi.sim.environments.gym import SafetyFilterWrapper, ScenarioEnv
+from mathnavi.studies.flight import hostile_parts
 from tests.sim.environments import missions
 
 FILTERED = ("safe-flight", "simultaneous-arrival", "quadrotor-canyon")
@@ -76,3 +79,69 @@ def test_a_scenario_without_a_filter_and_a_strange_environment_are_refused(built
         SafetyFilterWrapper(ScenarioEnv("sphere-observer"))
     with pytest.raises(ValueError, match="'sphere-observer' defines no safety filter"):
         FilteredEnvironment(missions.environment("sphere-observer"))
+
+
+FIELDS = {
+    "safe-flight": {"terrain": "canyon:3", "clearance_min": 20.0, "speed_max": 60.0},
+    "quadrotor-canyon": missions.fields("quadrotor-canyon"),
+}
+STRANGERS = {
+    "safe-flight": f"{hostile_parts.__name__}:HostileFullState",
+    "quadrotor-canyon": f"{hostile_parts.__name__}:HostileQuadrotorState",
+}
+MISDEEDS = {
+    # Without the outputs that its estimate does not have; and of a quadrotor, those that are its own.
+    "safe-flight": [each for each in hostile_parts.MISDEEDS["estimator.misdeed"] if each not in ("bare", "blank")],
+    "quadrotor-canyon": ["raises", "bare", "blank", "far"],
+}
+HARMLESS = {"none", "lists", "covariance-lists", "half", "moves-command", "keeps"}  # the boundary mends them
+
+
+def strange(scenario: str) -> SafetyFilterWrapper:
+    return SafetyFilterWrapper(ScenarioEnv(scenario, 1, STRANGERS[scenario], **FIELDS[scenario]))
+
+
+def told(env: SafetyFilterWrapper, misdeed: str) -> None:
+    """Have the estimator of the present episode commit this misdeed at every step."""
+    estimator: Any = env.unwrapped.episode._loop.runners["vehicle"].agent.estimator
+    estimator._misdeeds._misdeed, estimator._misdeeds._share = misdeed, 1.0
+
+
+@pytest.mark.parametrize("scenario", sorted(STRANGERS))
+def test_whatever_an_estimator_answers_in_an_episode_the_episode_goes_on_and_info_says_what_is_guaranteed(
+    scenario: str,
+) -> None:
+    env, rng = strange(scenario), np.random.default_rng(3)
+    steps = 1 if scenario == "quadrotor-canyon" else 2  # of a quadrotor many estimates
+    env.reset(seed=1)
+
+    def flown(misdeed: str) -> tuple[bool, str]:
+        told(env, misdeed)
+        for _ in range(steps):
+            observation, _, terminated, truncated, info = env.step(rng.normal(size=3))
+            assert env.observation_space.contains(observation), misdeed
+            if terminated or truncated:  # a wrong estimate may lead into the ground
+                env.reset(seed=1)
+        return info["filter"]["guaranteed"], info["filter"]["announced"]
+
+    for misdeed in MISDEEDS[scenario]:
+        guaranteed, announced = flown(misdeed)
+        assert (guaranteed, bool(announced)) == (misdeed in HARMLESS, misdeed not in HARMLESS), (misdeed, announced)
+        flown("none")
+
+
+def test_an_estimator_that_misbehaves_in_one_lane_changes_nothing_in_another() -> None:
+    alone, lanes = strange("safe-flight"), SyncVectorEnv([lambda: strange("safe-flight")] * 2)
+    action = np.array([3.0, 0.0, -4.0])
+    alone.reset(seed=5)
+    lanes.reset(seed=[4, 5])
+    told(lanes.envs[0], "covariance-nine")  # type: ignore[arg-type]
+    for k in range(6):
+        if k == 3:
+            told(lanes.envs[0], "raises")  # type: ignore[arg-type]
+        observation, *_, info = alone.step(action)
+        observations, *_, infos = lanes.step(np.array([action, action]))
+        assert {name: value[1].tolist() for name, value in observations.items()} == {
+            name: np.asarray(value).tolist() for name, value in observation.items()
+        }
+        assert infos["filter"]["guaranteed"].tolist() == [k == 0, info["filter"]["guaranteed"]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
@@ -17,6 +18,7 @@ from mathnavi.sim.scenarios.closed_loop import RunData
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
+from mathnavi.studies.flight import hostile_parts
 
 GUSTS = AerialFaults(gust_rms=0.6, gust_limit=1.5, solver_failure_rate=0.2)
 HEAVY = QuadrotorMismatch(mass=1.1, motor_lag=1.15)
@@ -102,6 +104,26 @@ def test_a_rotor_too_weak_for_the_bound_is_reported() -> None:
     summary = flown(mismatch=QuadrotorMismatch(rotor=0.5)).summary
     assert summary["tracking_breaches"] > 0
     assert summary["rebased_plans"] + summary["guarantee_lost"] > 0
+
+
+@pytest.mark.parametrize(
+    ("stranger", "loss"), [("estimator", "the estimator has lost its sensors"), ("tracker", "RuntimeError: a bug")]
+)
+def test_without_its_estimator_or_its_tracker_it_flies_its_plan_as_well_as_that_is_known(
+    stranger: str, loss: str
+) -> None:
+    """In still air, a prediction of the estimate, or the loop's own tracker in place of one that raises."""
+    config = QuadrotorCanyonConfig(**SHORT)
+    of_tracker, of_estimator = ("raises" if part == stranger else "none" for part in ("tracker", "estimator"))
+    controller = PluginSpec.with_fields(hostile_parts.HostileQuadrotor, tracker_misdeed=of_tracker, share=1.0)
+    estimator = PluginSpec.with_fields(hostile_parts.HostileQuadrotorState, misdeed=of_estimator, share=1.0)
+    begun = dataclasses.replace(QuadrotorCanyon.build(config, 0, controller, estimator), duration=6.0)
+    outcome = begun.run()
+    assert np.linalg.norm(outcome.arrays["truth.x"][-1, 7:10]) > 3.0
+    assert outcome.summary["tracking_error_max_m"] < 0.5
+    told = [(event.t, event.kind) for event in outcome.events if event.kind.startswith("guarantee-")]
+    assert told[-1] == (0.0, "guarantee-lost")
+    assert any(event.kind == "guarantee-lost" and loss in event.message for event in outcome.events)
 
 
 def test_an_estimator_of_something_else_is_refused() -> None:

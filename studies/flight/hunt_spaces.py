@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, get_args
 
 from mathnavi.controllers.flight.certificate import TrackingBound, raised_ground
 from mathnavi.controllers.flight.tracker import tracking_bound
@@ -204,7 +204,7 @@ UPDATES = Hunt(
 HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 
-# ---- plug-ins of strangers that misbehave, behind the certificate, behind the filter, in a fleet and on a quadrotor
+# ---- plug-ins of strangers that misbehave: behind certificate and filter, in a fleet, on a quadrotor, in an episode
 
 MISBEHAVING: tuple[Dimension, ...] = (
     *(Choice(name, misdeeds) for name, misdeeds in hostile_parts.MISDEEDS.items()),
@@ -253,6 +253,27 @@ def _beside(derived: Callable[[Values], dict[str, Any]], names: Sequence[str], v
     return {**derived({name: values[name] for name in values if name not in names}), **{n: values[n] for n in names}}
 
 
+# An episode of an environment is a run behind the filter, bit for bit, whose tracker proposes a policy's actions.
+ACTING = (
+    Choice("planner.policy", get_args(hostile_parts.Policy)), Range("planner.strength", 0.0, 1.0),
+    Range("planner.hold", 1, 120, log=True), Range("planner.draw", 0, SEEDS),
+    *(each for each in MISBEHAVING if each.name.startswith("estimator.")),
+)  # fmt: skip
+EPISODE = {"deadline_factor": 1.5}
+EPISODES = Hunt(
+    "strangers in an environment",
+    (
+        Choice("terrain", CANYONS), SEED, *COURSE, *AIR[:2], Range("noise.position", 0.01, 30.0, log=True),
+        Choice("estimator.rate", (60.0, 20.0, 5.0)),
+        Range("clearance_min", 2.0, 60.0), Range("speed_max", 10.0, 60.0), Range("acceleration_max", 8.0, 40.0),
+        *ACTING,
+    ),
+    fields={**EPISODE, "filter": True},
+    controller=f"{hostile_parts.__name__}:PolicyFlight",
+    estimator=f"{STRANGE}FullState",
+    derived=partial(_beside, partial(_course, EPISODE), tuple(each.name for each in ACTING)),
+)  # fmt: skip
+
 HOSTILE = (
     _hostile(SAFE_FLIGHT, "strangers, certified"),
     _hostile(SAFE_FLIGHT, "strangers, filtered", filter=True),
@@ -266,6 +287,7 @@ HOSTILE = (
         "strangers in a fleet",
     ),
     _hostile(QUADROTOR, "strangers on a quadrotor"),
+    EPISODES,
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 from typing import Any
 
@@ -12,7 +13,10 @@ from gymnasium.vector import SyncVectorEnv
 
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.environments.dm import FilteredEnvironment
+from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.gym import SafetyFilterWrapper, ScenarioEnv
+from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.studies.flight import hostile_parts
 from tests.sim.environments import missions
 
@@ -145,3 +149,29 @@ def test_an_estimator_that_misbehaves_in_one_lane_changes_nothing_in_another() -
             name: np.asarray(value).tolist() for name, value in observation.items()
         }
         assert infos["filter"]["guaranteed"].tolist() == [k == 0, info["filter"]["guaranteed"]]
+
+
+def test_an_episode_is_a_run_behind_the_filter_bit_for_bit_for_the_same_actions() -> None:
+    """So a search flies runs in place of episodes: policy and estimator are those of strangers."""
+    fields = {
+        "terrain": "canyon:3", "start": (180.0, 300.0, 1560.0), "target": (460.0, 300.0, 1560.0), "clearance_min": 10.0,
+        "speed_max": 40.0, "noise.position": 1.0, "faults.gust_rms": 0.5,
+        "estimator.misdeed": "raises", "estimator.share": 0.2,
+    }  # fmt: skip
+    acting = {"planner.policy": "dive", "planner.hold": 3, "filter": True}
+    policy = f"{hostile_parts.__name__}:PolicyFlight"
+    spec = RunSpec.of("safe-flight", 5, policy, STRANGERS["safe-flight"], {**fields, **acting})
+    run = dataclasses.replace(spec.build(), duration=4.0).run()
+    runner = EpisodeRunner(RunSpec.of("safe-flight", 5, None, STRANGERS["safe-flight"], fields))
+    runner.begin(5)
+    actions = hostile_parts.PolicyTracker(spec.controller.config, runner.terms.missions["vehicle"])
+    command_filter = EpisodeFilter(runner)
+    guaranteed = []
+    for _ in range(240):
+        proposed = actions.command(runner.t, runner.estimates["vehicle"], None)
+        runner.step(command_filter.filtered(proposed))
+        guaranteed.append(command_filter.decided()["guaranteed"])
+    episode = runner.recording.arrays()
+    assert {*guaranteed} == {True, False}
+    for name in ("truth.x", "command.u", "estimate.x"):
+        assert run.arrays[name][:240].tobytes() == episode[name][:240].tobytes(), name

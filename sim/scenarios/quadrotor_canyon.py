@@ -204,7 +204,7 @@ def _assured(mission: QuadrotorMission, tracker: Any) -> dict[str, Any]:
     """Fields of the agent by which it flies on without its estimator, and without its tracker.
 
     A missing estimate is moved on as a rigid body, with its attitude and rate, under the thrusts that the rotors can
-    have. A plan is tracked with the tracker's own bound.
+    have. A plan is tracked with the tracker's own bound; before there is one, the vehicle hovers.
     """
 
     def estimate_of(x: Array, extra: Mapping[str, Array]) -> dict[str, Any]:
@@ -220,7 +220,10 @@ def _assured(mission: QuadrotorMission, tracker: Any) -> dict[str, Any]:
     period = mission.control_period
     spare = GeometricTracker(period, TrackerConfig.held_for(period), mission.vehicle, tracker.bound)
     start = Estimate(0.0, **estimate_of(mission.start_state, {}))
-    return {"start": start, "flow": flow, "unflyable": unflyable, "spare": spare, "estimate_age": 0.0}
+    hover = np.full(ROTOR_COUNT, mission.vehicle.hover_thrust)
+    return {
+        "start": start, "flow": flow, "unflyable": unflyable, "spare": spare, "estimate_age": 0.0, "command": hover,
+    }  # fmt: skip
 
 
 def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.Generator) -> Point:

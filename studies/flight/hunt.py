@@ -49,7 +49,7 @@ class HuntConfig:
     missions: Count = FEWEST
     """number of missions of each of four searches"""
     hostile: Count = FEWEST // 2
-    """number of missions of each of four searches with plug-ins that misbehave"""
+    """number of missions of each search with plug-ins that misbehave"""
     tries: Count = ENOUGH
     """largest number of missions of a search for the hole of a mutant"""
     draws: Count = 400
@@ -87,7 +87,8 @@ class HuntStudy:
                 "hole is found when a mission comes below h_min. The controller flight is searched in the same "
                 "spaces, with as many missions. In further searches planner, tracker and estimator are those of "
                 "strangers, in a fleet also coordinator and consensus, which raise, answer nonsense, lie, or change "
-                "what they were given, at random instants.",
+                "what they were given, at random instants. An episode of an environment is flown as a run behind the "
+                "filter, to which a policy proposes its actions.",
                 *_violations({**found, **strangers}),
             ),
             rows=[*rows, *strange_rows, *hole_rows],

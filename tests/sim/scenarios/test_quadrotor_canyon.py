@@ -126,6 +126,16 @@ def test_without_its_estimator_or_its_tracker_it_flies_its_plan_as_well_as_that_
     assert any(event.kind == "guarantee-lost" and loss in event.message for event in outcome.events)
 
 
+def test_before_there_is_a_plan_it_hovers() -> None:
+    """Its estimate is wrong from the beginning, and from there no plan is certified."""
+    estimator = PluginSpec.with_fields(hostile_parts.HostileQuadrotorState, misdeed="jumps", share=1.0)
+    begun = dataclasses.replace(QuadrotorCanyon.build(QuadrotorCanyonConfig(**SHORT), 0, None, estimator), duration=0.4)
+    outcome = begun.run()
+    assert "plan.t" not in outcome.arrays
+    assert [event.kind for event in outcome.events if "guarantee" in event.kind] == ["guarantee-lost"]
+    np.testing.assert_allclose(outcome.arrays["truth.x"][-1, :3], SHORT["start"], atol=1e-3)
+
+
 def test_an_estimator_of_something_else_is_refused() -> None:
     """full_state hands on all thirteen states, which no tracker takes."""
     config = QuadrotorCanyonConfig(**SHORT)

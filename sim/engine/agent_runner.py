@@ -173,6 +173,7 @@ class AgentRunner:
     reports: dict[str, Callable[[], Any]] = field(init=False)  # of the parts that report events
     noted: dict[str, Callable[[float], None]] = field(init=False)  # notes the time [s] of a component's answer
     communication: Communication | None = field(init=False)  # None without a coordinator
+    ask_tracker: Callable[..., Any] = field(init=False)  # its answer, timed
 
     def __post_init__(self) -> None:
         agent = self.agent
@@ -193,6 +194,7 @@ class AgentRunner:
                 (COORDINATOR, math.inf if agent.coordinator is None else agent.coordinator.period),
             )
         }
+        self.ask_tracker = partial(self._answer, TRACKER)
         self.communication = None
         if agent.coordinator is not None:
             noted = self.noted[COORDINATOR]
@@ -421,7 +423,7 @@ class AgentRunner:
             self.record.event(t, kind, message)
 
     def _track(self, t: float, estimate: Estimate, plan: Plan | None) -> None:
-        command = self._command(partial(self._answer, TRACKER), self.agent.tracker, t, estimate, plan)
+        command = self._command(self.ask_tracker, self.agent.tracker, t, estimate, plan)
         spare: Tracker | None = self.agent.spare
         instead: Array | Unusable = Unusable("")
         if spare is not None and (self.guests["tracker"] or isinstance(command, Unusable)):

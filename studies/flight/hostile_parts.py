@@ -8,6 +8,7 @@ What no boundary can notice is left out: an estimate that is wrong and consisten
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, get_args
@@ -16,7 +17,6 @@ import numpy as np
 from annotated_types import Interval
 
 from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
-from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.estimators.quadrotor_state import QuadrotorState
@@ -24,24 +24,38 @@ from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.protocols import Planner, Tracker
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Plan, PlanRequest, Status
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 
 Share = Annotated[float, Interval(ge=0.0, le=1.0)]
 PlannerMisdeed = Literal[
-    "none", "raises", "exits", "none-at-all", "lists", "nan", "torn", "other-status", "never-ready", "elsewhere",
-    "dive", "moves-estimate", "moves-plan", "forges", "keeps",
+    "none", "raises", "exits", "cancelled", "none-at-all", "lists", "nan", "torn", "other-status", "never-ready",
+    "elsewhere", "dive", "moves-estimate", "moves-plan", "forges", "keeps",
 ]  # fmt: skip
 TrackerMisdeed = Literal[
-    "none", "raises", "lists", "nan", "another-size", "huge", "dive", "random", "moves-estimate", "moves-plan",
+    "none", "raises", "cancelled", "lists", "nan", "another-size", "huge", "dive", "random", "moves-estimate",
+    "moves-plan", "widens-bound",
 ]  # fmt: skip
 EstimatorMisdeed = Literal[
-    "none", "raises", "none-at-all", "lists", "nan", "nine", "covariance-lists", "covariance-nan", "covariance-torn",
-    "covariance-nine", "negative", "stale", "future", "other-status", "gust", "words", "half", "bare", "blank", "jumps",
-    "far", "unsure", "lost", "moves-command", "keeps",
+    "none", "raises", "cancelled", "none-at-all", "lists", "text", "masked", "nan", "nine", "covariance-lists",
+    "covariance-nan", "covariance-torn", "covariance-nine", "negative", "stale", "future", "other-status", "gust",
+    "words", "half", "bare", "blank", "jumps", "far", "unsure", "lost", "moves-command", "keeps",
 ]  # fmt: skip
-Policy = Literal["random", "bang-bang", "dive", "constant", "race"]
+
+
+class Instants:
+    """Calls at which a misdeed is committed: from instants drawn at random on, for a number of calls."""
+
+    def __init__(self, share: float, calls: int, rng: np.random.Generator) -> None:
+        self._share, self._calls, self._rng, self._left = share, calls, rng, 0
+
+    def now(self) -> bool:
+        """Return True if it is committed at this call."""
+        if not self._left and self._rng.random() < self._share:
+            self._left = self._calls
+        committed = self._left > 0
+        self._left -= committed
+        return committed
 
 
 class OtherStatus:
@@ -60,7 +74,9 @@ class Misdeeds:
     tracker_misdeed: TrackerMisdeed = "none"
     """misdeed of the tracker"""
     share: Share = 0.5
-    """share of the calls at which it is committed, 0 to 1"""
+    """share of the calls at which it begins to be committed, 0 to 1"""
+    calls: Count = 1
+    """number of calls running at which it is committed then"""
     draw: int = 0
     """seed by which these calls are drawn"""
 
@@ -131,7 +147,8 @@ class HostilePlanner:
 
     def __init__(self, planner: Planner, config: Misdeeds, rng: np.random.Generator) -> None:
         self.period = planner.period
-        self._planner, self._config, self._rng = planner, config, rng
+        self._planner, self._config = planner, config
+        self._instants = Instants(config.share, config.calls, rng)
         self._kept: list[Plan] = []
 
     def __getattr__(self, name: str) -> Any:
@@ -144,7 +161,7 @@ class HostilePlanner:
         for plan in self._kept:
             plan.x[..., 2] -= 1000.0
         self._kept.clear()
-        if misdeed == "none" or self._rng.random() >= self._config.share:
+        if misdeed == "none" or not self._instants.now():
             return self._planner.plan(request)
         if misdeed == "moves-estimate":
             _write(request.estimate.x, 300.0)
@@ -157,6 +174,8 @@ class HostilePlanner:
     def _spoilt(self, plan: Plan, misdeed: PlannerMisdeed) -> Any:
         if misdeed == "raises":
             raise RuntimeError("a bug")
+        if misdeed == "cancelled":
+            raise asyncio.CancelledError
         if misdeed == "exits":
             raise SystemExit(3)
         if misdeed == "none-at-all":
@@ -196,101 +215,42 @@ class HostileTracker:
         """``others`` are commands of the vehicle that lead elsewhere, by the misdeed."""
         self.period, self.bound, self.held = tracker.period, tracker.bound, getattr(tracker, "held", None)
         self._tracker, self._config, self._rng, self._others = tracker, config, rng, others
+        self._instants = Instants(config.share, config.calls, rng)
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Any:
         """Return a command, or commit the misdeed."""
         misdeed = self._config.tracker_misdeed
         u = self._tracker.command(t, estimate, plan)
-        if misdeed == "none" or self._rng.random() >= self._config.share:
+        if misdeed == "none" or not self._instants.now():
             return u
         if misdeed == "raises":
             raise RuntimeError("a bug")
+        if misdeed == "cancelled":
+            raise asyncio.CancelledError
         if misdeed == "moves-estimate":
             _write(estimate.x, 300.0)
             object.__setattr__(estimate, "x", estimate.x + 300.0)
         if misdeed == "moves-plan":
             _write(plan.x, -300.0)
             object.__setattr__(plan, "x", plan.x - 300.0)
+        others = self._others(self._rng)
+        if misdeed == "widens-bound":  # and uses it
+            object.__setattr__(self.bound, "horizontal", 1e9)
+            object.__setattr__(self.bound, "vertical", 1e9)
+            return others["dive"]
         answers: dict[str, Any] = {
             "lists": u.tolist(), "nan": u * np.nan, "another-size": np.zeros(len(u) + 1), "huge": u + 1e6,
-            **self._others(self._rng),
+            **others,
         }  # fmt: skip
         return answers.get(misdeed, u)
-
-
-@configuration
-class PolicyConfig:
-    """Fields of the controller."""
-
-    policy: Policy = "random"
-    """actions that are proposed, none of which looks at the ground"""
-    strength: Share = 1.0
-    """length of an action as a share of a_max, 0 to 1"""
-    hold: Count = 10
-    """number of control steps for which an action is held"""
-    draw: int = 0
-    """seed by which actions are drawn"""
-
-
-class PolicyFlight:
-    """Policy of a learner in place of a controller, to be flown behind the safety filter as in an environment."""
-
-    Config = PolicyConfig
-
-    @staticmethod
-    def build(config: PolicyConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
-        """Return a planner without a plan of its own, and the policy as a tracker."""
-        return StandsStill(mission), PolicyTracker(config, mission)
-
-
-class StandsStill:
-    """Planner whose plan is to stand where the vehicle is."""
-
-    def __init__(self, mission: FlightMission) -> None:
-        self.period = 60.0 * mission.control_period
-
-    def plan(self, request: PlanRequest) -> Plan:
-        """Return the plan."""
-        x = np.concatenate([request.estimate.x[:3], np.zeros(3)])
-        t = np.array([request.t_start, request.t_start + self.period])
-        return Plan(t, np.array([x, x]), np.zeros((1, 3)), np.array([FlightPhase.MANOEUVRE]))
-
-
-class PolicyTracker:
-    """Tracker whose commands are the actions of a policy."""
-
-    def __init__(self, config: PolicyConfig, mission: FlightMission) -> None:
-        self.period = mission.control_period
-        self.bound = tracking_bound(FlightConfig.bandwidth, mission)
-        self._config, self._rng = config, np.random.default_rng(config.draw)
-        self._length, self._action, self._held = config.strength * mission.acceleration_max, np.zeros(3), 0
-
-    def command(self, t: float, estimate: Estimate, plan: Plan | None) -> Array:
-        """Return the action (3,) [m/s^2] of this control step."""
-        if self._held % self._config.hold == 0:
-            self._action = self._next(estimate.x[3:])
-        self._held += 1
-        return self._action.copy()
-
-    def _next(self, v: Array) -> Array:
-        drawn = self._rng.normal(size=3)
-        directions: dict[Policy, Array] = {
-            "random": drawn,
-            "bang-bang": np.sign(drawn),
-            "dive": 0.3 * drawn - np.array([0.0, 0.0, 1.0]),
-            "constant": drawn if self._held == 0 else self._action,
-            "race": v + 1e-3 * drawn,
-        }
-        direction = directions[self._config.policy]
-        length = float(np.linalg.norm(direction))
-        return self._length * direction / length if length > 0.0 else direction
 
 
 class _Misdeeds:
     """What an estimator does in place of answering as it should."""
 
-    def __init__(self, misdeed: EstimatorMisdeed, share: float, draw: int) -> None:
-        self._misdeed, self._share, self._rng = misdeed, share, np.random.default_rng(draw)
+    def __init__(self, config: HostileFullStateConfig) -> None:
+        self._misdeed, self._rng = config.misdeed, np.random.default_rng(config.draw)
+        self._instants = Instants(config.share, config.calls, self._rng)
         self._past: list[Estimate] = []
         self._jumps = 0
 
@@ -298,10 +258,12 @@ class _Misdeeds:
         """Return the good estimate, or commit the misdeed."""
         self._past.append(good)
         misdeed = self._misdeed
-        if misdeed == "none" or self._rng.random() >= self._share:
+        if misdeed == "none" or not self._instants.now():
             return good
         if misdeed == "raises":
             raise RuntimeError("a bug")
+        if misdeed == "cancelled":
+            raise asyncio.CancelledError
         if misdeed == "moves-command":
             _write(command, -50.0)
         if misdeed == "keeps" and len(self._past) > 1:
@@ -313,6 +275,8 @@ class _Misdeeds:
         answers: dict[str, Any] = {
             "none-at-all": None,
             "lists": dataclasses.replace(good, x=good.x.tolist()),
+            "text": dataclasses.replace(good, x=good.x.astype(str)),
+            "masked": dataclasses.replace(good, x=np.ma.masked_array(good.x, np.arange(n) == 2)),
             "nan": dataclasses.replace(good, x=good.x * np.nan),
             "nine": dataclasses.replace(good, x=np.zeros(9)),
             "covariance-lists": dataclasses.replace(good, covariance=P.tolist()),
@@ -343,7 +307,9 @@ class HostileFullStateConfig(FullStateConfig):
     misdeed: EstimatorMisdeed = "none"
     """misdeed of the estimator"""
     share: Share = 0.5
-    """share of the calls at which it is committed, 0 to 1"""
+    """share of the calls at which it begins to be committed, 0 to 1"""
+    calls: Count = 1
+    """number of calls running at which it is committed then"""
     draw: int = 0
     """seed by which these calls are drawn"""
 
@@ -356,7 +322,7 @@ class HostileFullState(FullState):
 
     def __init__(self, config: HostileFullStateConfig, mission: Any) -> None:
         super().__init__(config, mission)
-        self._misdeeds = _Misdeeds(config.misdeed, config.share, config.draw)
+        self._misdeeds = _Misdeeds(config)
 
     @staticmethod
     def build(config: FullStateConfig, mission: Any) -> HostileFullState:
@@ -377,7 +343,7 @@ class HostileQuadrotorState(QuadrotorState):
 
     def __init__(self, config: HostileFullStateConfig, mission: Any) -> None:
         super().__init__(config, mission)
-        self._misdeeds = _Misdeeds(config.misdeed, config.share, config.draw)
+        self._misdeeds = _Misdeeds(config)
 
     @staticmethod
     def build(config: FullStateConfig, mission: Any) -> HostileQuadrotorState:

@@ -21,7 +21,7 @@ from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.flight_parts import mission_but_ends
 from mathnavi.sim.search.space import Choice, Dimension, Range, Values
 from mathnavi.sim.sweep.trial import Trial, trial
-from mathnavi.studies.flight import guarantee_holes, hostile_fleet, hostile_parts
+from mathnavi.studies.flight import guarantee_holes, hostile_fleet, hostile_parts, policy_flight
 
 FLOWN = guarantee_holes.__name__  # where the measures and the mutants are
 SEEDS = 100_000
@@ -206,10 +206,17 @@ HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 # ---- plug-ins of strangers that misbehave: behind certificate and filter, in a fleet, on a quadrotor, in an episode
 
+LONGEST = 120  # calls running at which a part misbehaves: two seconds of an estimator
 MISBEHAVING: tuple[Dimension, ...] = (
     *(Choice(name, misdeeds) for name, misdeeds in hostile_parts.MISDEEDS.items()),
-    Range("planner.share", 0.02, 1.0), Range("estimator.share", 0.02, 1.0), Range("planner.draw", 0, SEEDS),
-    Range("estimator.draw", 0, SEEDS),
+    *(
+        each
+        for part in ("planner", "estimator")
+        for each in (
+            Range(f"{part}.share", 0.02, 1.0), Range(f"{part}.calls", 1, LONGEST, log=True),
+            Range(f"{part}.draw", 0, SEEDS),
+        )
+    ),
 )  # fmt: skip
 STRANGE = f"{hostile_parts.__name__}:Hostile"
 
@@ -255,7 +262,7 @@ def _beside(derived: Callable[[Values], dict[str, Any]], names: Sequence[str], v
 
 # An episode of an environment is a run behind the filter, bit for bit, whose tracker proposes a policy's actions.
 ACTING = (
-    Choice("planner.policy", get_args(hostile_parts.Policy)), Range("planner.strength", 0.0, 1.0),
+    Choice("planner.policy", get_args(policy_flight.Policy)), Range("planner.strength", 0.0, 1.0),
     Range("planner.hold", 1, 120, log=True), Range("planner.draw", 0, SEEDS),
     *(each for each in MISBEHAVING if each.name.startswith("estimator.")),
 )  # fmt: skip
@@ -269,7 +276,7 @@ EPISODES = Hunt(
         *ACTING,
     ),
     fields={**EPISODE, "filter": True},
-    controller=f"{hostile_parts.__name__}:PolicyFlight",
+    controller=f"{policy_flight.__name__}:PolicyFlight",
     estimator=f"{STRANGE}FullState",
     derived=partial(_beside, partial(_course, EPISODE), tuple(each.name for each in ACTING)),
 )  # fmt: skip

@@ -17,7 +17,7 @@ from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.environments.gym import SafetyFilterWrapper, ScenarioEnv
 from mathnavi.sim.records.run_spec import RunSpec
-from mathnavi.studies.flight import hostile_parts
+from mathnavi.studies.flight import hostile_parts, policy_flight
 from tests.sim.environments import missions
 
 FILTERED = ("safe-flight", "simultaneous-arrival", "quadrotor-canyon")
@@ -159,12 +159,12 @@ def test_an_episode_is_a_run_behind_the_filter_bit_for_bit_for_the_same_actions(
         "estimator.misdeed": "raises", "estimator.share": 0.2,
     }  # fmt: skip
     acting = {"planner.policy": "dive", "planner.hold": 3, "filter": True}
-    policy = f"{hostile_parts.__name__}:PolicyFlight"
+    policy = f"{policy_flight.__name__}:PolicyFlight"
     spec = RunSpec.of("safe-flight", 5, policy, STRANGERS["safe-flight"], {**fields, **acting})
     run = dataclasses.replace(spec.build(), duration=4.0).run()
     runner = EpisodeRunner(RunSpec.of("safe-flight", 5, None, STRANGERS["safe-flight"], fields))
     runner.begin(5)
-    actions = hostile_parts.PolicyTracker(spec.controller.config, runner.terms.missions["vehicle"])
+    actions = policy_flight.PolicyTracker(spec.controller.config, runner.terms.missions["vehicle"])
     command_filter = EpisodeFilter(runner)
     guaranteed = []
     for _ in range(240):

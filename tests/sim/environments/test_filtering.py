@@ -108,7 +108,8 @@ def strange(scenario: str) -> SafetyFilterWrapper:
 def told(env: SafetyFilterWrapper, misdeed: str) -> None:
     """Have the estimator of the present episode commit this misdeed at every step."""
     estimator: Any = env.unwrapped.episode._loop.runners["vehicle"].agent.estimator
-    estimator._misdeeds._misdeed, estimator._misdeeds._share = misdeed, 1.0
+    always = hostile_parts.Instants(1.0, 1, np.random.default_rng(0))
+    estimator._misdeeds._misdeed, estimator._misdeeds._instants = misdeed, always
 
 
 @pytest.mark.parametrize("scenario", sorted(STRANGERS))

@@ -108,7 +108,7 @@ def doubt(estimate: Estimate, worst: tuple[float, float]) -> str:
 
 def _concluded(evidence: Evidence) -> tuple[GuaranteeState, str]:
     """Return the state that the first rule decides that applies to the evidence, and the reason."""
-    for rule in RULES:
+    for rule in RULES[-1:] if evidence is NOTHING_WRONG else RULES:  # the last rule is all that applies to nothing
         reason = rule.reason(evidence)
         if reason:
             return rule.state, reason

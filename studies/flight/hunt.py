@@ -260,15 +260,16 @@ def _claims(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> list[Claim
 
 
 def _hostile_claim(rows: Sequence[dict[str, Any]]) -> Claim:
-    total, failed, violated, silent = (
-        sum(row[name] for row in rows) for name in ("missions", "failed", "violated", "silently_violated")
+    flown, refused, failed, violated, silent = (
+        sum(row[name] for row in rows) for name in ("flown", "refused", "failed", "violated", "silently_violated")
     )
     return Claim(
         "search.hostile", "target",
         "Whatever a stranger's planner, tracker, estimator, coordinator or consensus answers, no bound is broken that "
         "is said to be kept.",
-        "beyond the thesis", f"none of {len(HOSTILE) * (FEWEST // 2)} missions",
-        f"{silent} silent of {total} missions, {violated} violations in all; {failed} failed",
+        "beyond the thesis", f"none of {FEWEST // 2} missions in each of {len(HOSTILE)} scenarios",
+        f"{silent} silent of {flown} missions that were flown, {violated} violations in all; {refused} refused for "
+        f"their bounds, {failed} failed",
         silent == 0 and failed == 0,
     )  # fmt: skip
 

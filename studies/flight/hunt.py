@@ -35,6 +35,7 @@ from mathnavi.studies.framework.study import Setup, StudyError, StudyResult
 
 MARGIN = Objective("relative_margin")
 FEWEST = 2000  # missions of a hunt from which its claim is judged
+FEWEST_OF_STRANGERS = 800  # likewise, of a hunt with plug-ins that misbehave
 ENOUGH = 200  # missions within which a search has to find a hole
 BATCH = 8  # missions that a search proposes at a time
 SAMPLER: SamplerName = "sobol-cmaes"  # of all searches
@@ -48,7 +49,7 @@ class HuntConfig:
 
     missions: Count = FEWEST
     """number of missions of each of four searches"""
-    hostile: Count = FEWEST // 2
+    hostile: Count = FEWEST_OF_STRANGERS
     """number of missions of each search with plug-ins that misbehave"""
     tries: Count = ENOUGH
     """largest number of missions of a search for the hole of a mutant"""
@@ -267,7 +268,7 @@ def _hostile_claim(rows: Sequence[dict[str, Any]]) -> Claim:
         "search.hostile", "target",
         "Whatever a stranger's planner, tracker, estimator, coordinator or consensus answers, no bound is broken that "
         "is said to be kept.",
-        "beyond the thesis", f"none of {FEWEST // 2} missions in each of {len(HOSTILE)} scenarios",
+        "beyond the thesis", f"none of {FEWEST_OF_STRANGERS} missions in each of {len(HOSTILE)} scenarios",
         f"{silent} silent of {flown} missions that were flown, {violated} violations in all; {refused} refused for "
         f"their bounds, {failed} failed",
         silent == 0 and failed == 0,

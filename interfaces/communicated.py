@@ -1,7 +1,7 @@
 """Boundary of plug-ins for what vehicles communicate: the answers of a coordinator, and of a consensus.
 
 What a guest sends is copied as data, so that it holds nothing that another vehicle has, and no other vehicle runs into
-an object of its making. Dataclasses are made anew by their constructors, which refuse what is torn.
+an object of its making. Dataclasses pass their constructors again, which refuse what is torn.
 """
 
 from __future__ import annotations

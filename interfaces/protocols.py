@@ -211,7 +211,8 @@ class Coordinator(Protocol):
     def admits(self, t: float, plan: Plan) -> bool:
         """Return True if a proposed plan may take over now; one that may not is withdrawn.
 
-        A plan made anew because the one before was void ("rebased" in its notes) takes over whatever the answer is.
+        A plan that begins at the estimate because the one before was void ("rebased" in its notes) takes over whatever
+        the answer is.
         """
         ...
 

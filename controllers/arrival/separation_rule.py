@@ -142,7 +142,7 @@ class SeparationRule(Protocol):
 
 
 def check_content(id: Any, *trajectories: Any) -> None:
-    """Raise ArgumentError for content that no message has: what a coordinator sends is made anew by its constructor.
+    """Raise ArgumentError for content that no message has: what a coordinator sends passes its constructor again.
 
     A trajectory checks its own arrays.
     """

@@ -8,9 +8,9 @@ An answer of the coordinator that cannot be used, and one that raises, is record
     admits      the plan is not admitted
     adopted     the others may not count on the plan that is flown: "separation-unguaranteed"
 
-A plan that is made anew because the one before is void ("rebased") takes over whatever the coordinator answers, for the
-ground does not wait for the others; the separation is not guaranteed from then on. It is again once a plan takes over
-that was admitted.
+A plan that begins at the estimate because the one before is void ("rebased") takes over whatever the coordinator
+answers, for the ground does not wait for the others; the separation is not guaranteed from then on. It is again once a
+plan takes over that was admitted.
 """
 
 from __future__ import annotations

@@ -106,6 +106,8 @@ def test_a_rotor_too_weak_for_the_bound_is_reported() -> None:
     assert summary["rebased_plans"] + summary["guarantee_lost"] > 0
 
 
+@pytest.mark.refused("plug-in", "tracker of a quadrotor: a command that cannot be used")
+@pytest.mark.refused("plug-in", "estimator of a quadrotor: an answer that cannot be used")
 @pytest.mark.parametrize(
     ("stranger", "loss"), [("estimator", "the estimator has lost its sensors"), ("tracker", "RuntimeError: a bug")]
 )

@@ -19,10 +19,8 @@ from mathnavi.sim.search.space import drawn
 from mathnavi.studies.flight import hunt as hunt_study
 from mathnavi.studies.flight.guarantee_holes import ANNOUNCED, clearance_in_bounds, violations
 from mathnavi.studies.flight.hunt import Hole
-from mathnavi.studies.flight.hunt_spaces import FLEET, HOLES, HOSTILE, QUADROTOR, SAFE_FLIGHT, UPDATES, Hunt
+from mathnavi.studies.flight.hunt_spaces import FLEET, HOLES, HOSTILE, SAFE_FLIGHT, UPDATES, Hunt
 from mathnavi.studies.framework.study import Setup
-
-(STRANGE_FLEET,) = (hunt for hunt in HOSTILE if hunt.name == "strangers in a fleet")
 
 T = np.arange(0.0, 10.0, 0.1)
 
@@ -162,8 +160,8 @@ def at(share: float, hunt: Hunt) -> dict[str, Any]:
     return plain(hunt.make(drawn(hunt.space, [share] * len(hunt.space))).spec.config)
 
 
-@pytest.mark.parametrize("hunt", [STRANGE_FLEET, QUADROTOR], ids=lambda hunt: hunt.name)
-def test_missions_of_fleets_and_of_the_quadrotor_are_flown_and_measured(hunt: Hunt) -> None:
+@pytest.mark.parametrize("hunt", HOSTILE[-3:], ids=lambda hunt: hunt.name)
+def test_missions_of_fleets_of_the_quadrotor_and_of_episodes_are_flown_and_measured(hunt: Hunt) -> None:
     begun = replace(hunt.make(drawn(hunt.space, [0.5] * len(hunt.space))).build(), duration=1.0)
     assert not violations(begun.run())["violated"]
 

@@ -215,7 +215,8 @@ def usable_estimate(
     if own and before is not None and _usable_as_it_is(answer, t, before, age, unflyable):
         usable: Estimate = answer
         return usable
-    return _checked(lambda: _estimate(answer, t, before, size, age, unflyable))
+    with np.errstate(over="ignore"):  # of squares
+        return _checked(lambda: _estimate(answer, t, before, size, age, unflyable))
 
 
 def _usable_as_it_is(

@@ -294,20 +294,14 @@ def unflyable(estimate: Estimate) -> str:
         ("attitude", estimate.extra.get("attitude", _MISSING), 4),
         ("rate", estimate.extra.get("rate", _MISSING), 3),
     ):
-        if value.shape != (size,) or not _is_finite(value):
+        if value.shape != (size,) or not math.isfinite(value.dot(value)):  # norms are made of the squares
             got = "missing" if value is _MISSING else f"{value.tolist()}"
             return f"the estimate's {name} is {got}; allowed: {size} finite numbers"
     attitude = estimate.extra["attitude"]
-    length = float(np.linalg.norm(attitude))
+    length = math.sqrt(attitude.dot(attitude))
     if not _SHORTEST < length < 1.0 / _SHORTEST:
         return f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1"
     return ""
-
-
-def _is_finite(value: Array) -> bool:
-    """Return True for finite numbers whose squares are finite too, as the norms are that are made of them."""
-    with np.errstate(over="ignore"):
-        return math.isfinite(value.dot(value))
 
 
 def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:

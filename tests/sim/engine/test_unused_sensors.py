@@ -12,7 +12,7 @@ import pytest
 import mathnavi as mn
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.interfaces.signals import Measurement
-from mathnavi.sim.engine.agent_runner import UnusedReadings
+from mathnavi.sim.engine.unused_sensors import UnusedReadings
 from tests import flight
 
 

@@ -178,11 +178,14 @@ class Certified:
         current, reason = request.current, doubt(request.estimate, self._worst)
         doubted = self.guarantee.doubted(request.estimate, reason)
         if current is None:
-            plan = self._fresh(self._from_start(request))
+            asked = self._from_start(request)
+            plan = self._fresh(asked)
             if plan.ok:
                 self._arrival.begin(plan, self._certificate, request.t)
             self._why_none = "" if plan.ok else plan.message or str(plan.status.value)
-            evidence = dataclasses.replace(doubted, uncertified=self._why_none)
+            contradicts = self._start is not None and asked is request
+            outside = "the first estimate contradicts the start of the mission" if contradicts else ""
+            evidence = dataclasses.replace(doubted, uncertified=self._why_none, outside=outside)
             return dataclasses.replace(plan, notes=notes + plan.notes), evidence
         notes += self._arrival.followed(current, self._certificate)
         notes += self._arrival.missed(current, self._certificate, request.t)

@@ -170,6 +170,11 @@ def test_an_estimator_that_never_answers_is_a_loss_from_the_start_and_the_plan_i
     assert not broken(MISSION, flown.plant.state("vehicle"))
 
 
+def test_a_first_estimate_that_contradicts_the_mission_is_announced_and_then_relied_on() -> None:
+    flight_of = begun_elsewhere()
+    assert next(flight_of) is ENDANGERED
+
+
 def test_an_estimator_that_begins_later_is_not_a_loss_yet() -> None:
     flown = Flown()
     flown.estimator.answers = {
@@ -178,6 +183,14 @@ def test_an_estimator_that_begins_later_is_not_a_loss_yet() -> None:
     assert {*flown.step(3)} == {NOT_YET}
     flown.estimator.told = "ready"
     assert {*flown.step(3)} == {HELD}
+
+
+def begun_elsewhere() -> Iterator[GuaranteeState]:
+    """A vehicle that is not where its mission starts."""
+    flown = Flown()
+    flown.plant.displace("vehicle", np.array([30.0, 0.0, 0.0]))
+    flown.estimator.answers = {"good": lambda good: dataclasses.replace(good, x=flown.plant.state("vehicle"))}
+    yield from flown.step()
 
 
 def displaced() -> Iterator[GuaranteeState]:

@@ -113,7 +113,8 @@ def test_what_is_made_counts_as_memory_only_where_it_is_kept(monkeypatch: pytest
     grown_by = []
     for holds in (True, False):
         monkeypatch.setitem(CURVES, "ones", replace(CURVES["fleet"], sizes=(1, 20), made=made, cost=len, holds=holds))
-        grown_by.append(measured(SizedCase("ones", 20, seed=0)).memory)
+        # The system may take other memory of this process away meanwhile.
+        grown_by.append(max(measured(SizedCase("ones", 20, seed=0)).memory for _ in range(3)))
     assert grown_by[0] > 100.0
     assert grown_by[1] < 50.0
 
@@ -129,9 +130,12 @@ def test_what_holds_a_cluster_up_is_named(commit: float, named: str) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="the system does not say")
 def test_memory_that_was_given_back_counts() -> None:
-    with PeakMemory() as memory:
-        np.ones(25_000_000).sum()
-    assert 100.0 < memory.grown < 1000.0  # 200, less what was given back meanwhile
+    def grown() -> float:
+        with PeakMemory() as memory:
+            np.ones(25_000_000).sum()
+        return memory.grown
+
+    assert 100.0 < max(grown() for _ in range(3)) < 1000.0  # 200, less what was given back meanwhile
 
 
 def test_a_sweep_of_nothing_ends() -> None:

@@ -58,6 +58,9 @@ class Instants:
         return committed
 
 
+Commands = Callable[[np.random.Generator], dict[str, Array]]
+
+
 class OtherStatus:
     """A status of no kind that is known."""
 
@@ -95,9 +98,14 @@ class HostileFlight(FlightController):
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         """Return planner and tracker."""
         assert isinstance(config, HostileFlightConfig)
-        planner, tracker = FlightController.build(config, mission)
-        rng = np.random.default_rng(config.draw)
-        return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng, _point_mass)
+        return _misbehaving(FlightController.build(config, mission), config, _point_mass)
+
+
+def _misbehaving(parts: tuple[Planner, Any], config: Misdeeds, others: Commands) -> tuple[Planner, Tracker]:
+    """Return planner and tracker that misbehave, in place of ``parts``; ``others`` as of ``HostileTracker``."""
+    planner, tracker = parts
+    rng = np.random.default_rng(config.draw)
+    return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng, others)
 
 
 def _point_mass(rng: np.random.Generator) -> dict[str, Array]:
@@ -119,9 +127,7 @@ class HostileQuadrotor(QuadrotorFlight):
     def build(config: QuadrotorConfig, mission: QuadrotorMission) -> tuple[Planner, Tracker]:
         """Return planner and tracker."""
         assert isinstance(config, HostileQuadrotorConfig)
-        planner, tracker = QuadrotorFlight.build(config, mission)
-        rng = np.random.default_rng(config.draw)
-        return HostilePlanner(planner, config, rng), HostileTracker(tracker, config, rng, _rotors)
+        return _misbehaving(QuadrotorFlight.build(config, mission), config, _rotors)
 
 
 def _rotors(rng: np.random.Generator) -> dict[str, Array]:
@@ -210,7 +216,7 @@ class HostileTracker:
         tracker: Any,
         config: Misdeeds,
         rng: np.random.Generator,
-        others: Callable[[np.random.Generator], dict[str, Array]],
+        others: Commands,
     ) -> None:
         """``others`` are commands of the vehicle that lead elsewhere, by the misdeed."""
         self.period, self.bound, self.held = tracker.period, tracker.bound, getattr(tracker, "held", None)

@@ -142,9 +142,9 @@ class Hole:
     def shown(self) -> bool:
         """True if a search finds the hole sooner than random draws, and none in the product.
 
-        The median search takes less than ``ENOUGH`` missions, and random draws more.
+        The median search takes less than ``ENOUGH`` missions, and less than random draws take in the mean.
         """
-        return self.median < ENOUGH < self.mean_draws and not any(self.of_product)
+        return self.median < min(ENOUGH, self.mean_draws) and not any(self.of_product)
 
     @property
     def row(self) -> dict[str, Any]:
@@ -253,8 +253,7 @@ def _claims(rows: Sequence[dict[str, Any]], holes: Sequence[Hole]) -> list[Claim
             "search.power", "target",
             "The search finds the hole of a controller that lacks one check, sooner than random draws do.",
             "beyond the thesis",
-            f"in under {ENOUGH} missions each (median of the searches), where random draws need more (mean); "
-            "none in the product",
+            f"median of the searches under {ENOUGH} missions, and under the mean of random draws; none in the product",
             "; ".join(hole.text for hole in holes), all(hole.shown for hole in holes),
         ),
     ]  # fmt: skip

@@ -108,11 +108,12 @@ def test_a_contact_is_a_violation_wherever_it_happens() -> None:
         ((40, 90, None), (None, None), (None,), 90.0, math.inf, True),
         ((40, None, None), (None, None), (None,), math.inf, math.inf, False),
         ((40, 90), (30, 100), (None,), 65.0, 65.0, False),
+        ((40, 50), (30, 100), (None,), 45.0, 65.0, True),
         ((200,), (None,), (None,), 200.0, math.inf, False),
         ((40, 90), (400, None), (None, 7), 65.0, 1400.0, False),
     ],
 )
-def test_power_is_a_find_in_time_where_draws_need_more_and_none_in_the_product(
+def test_power_is_a_find_in_time_and_sooner_than_by_draws_and_none_in_the_product(
     searches: tuple[int | None, ...],
     draws: tuple[int | None, ...],
     product: tuple[int | None, ...],

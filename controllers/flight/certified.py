@@ -109,8 +109,8 @@ class Certified:
         """Deadline [s] in force now."""
         return self._arrival.deadline
 
-    @deadline.setter
-    def deadline(self, deadline: float) -> None:
+    def arrive_by(self, deadline: float) -> None:
+        """Set the deadline [s] from outside, as that of a fleet is."""
         self._arrival.deadline = deadline
 
     @property

@@ -195,7 +195,7 @@ class SimultaneousArrival:
         for (name, vehicle), streams in zip(fleet.items(), parts.streams.split("dropouts", len(fleet)), strict=True):
             mission = vehicle.mission
             if isinstance(vehicle.planner, Certified):
-                vehicle.planner.deadline = flight.deadline
+                vehicle.planner.arrive_by(flight.deadline)
             sensors = parts.sensors(mission, AccelerationSensor(), streams=streams)
             setups[name] = VehicleSetup(mission.start_state, sensors, config.acceleration_max)
             agents[name] = Agent(

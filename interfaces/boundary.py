@@ -57,7 +57,7 @@ class Unusable:
         return Plan.failure(self.status, self.reason)
 
 
-class _RefusedError(ValueError):
+class RefusedError(ValueError):
     """Reason why an answer is refused."""
 
     def __init__(self, reason: str, status: Status = Status.MALFORMED) -> None:
@@ -88,11 +88,11 @@ def _said(error: BaseException) -> str:
         return "its message cannot be printed"
 
 
-def _checked(check: Callable[[], T]) -> T | Unusable:
+def checked(check: Callable[[], T]) -> T | Unusable:
     """Return an answer as ``check`` converts it; whatever an object of a plug-in does meanwhile makes it unusable."""
     try:
         return check()
-    except _RefusedError as error:
+    except RefusedError as error:
         return Unusable(str(error), error.status)
     except KeyboardInterrupt:
         raise
@@ -128,7 +128,7 @@ def signed(kinds: Sequence[str], name: str) -> tuple[str, ...]:
 def locked(array: NDArray[Number]) -> NDArray[Number]:
     """Return a copy of an array of numbers over immutable memory, which no one can make writable."""
     if array.dtype.kind not in "biuf":
-        raise _RefusedError(f"an array of {array.dtype}; allowed: numbers")
+        raise RefusedError(f"an array of {array.dtype}; allowed: numbers")
     return array.view() if _is_locked(array) else np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
 
 
@@ -147,7 +147,7 @@ def numbers(values: Any) -> Array:
     """
     array = np.ma.filled(values, np.nan) if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
     if array.dtype.kind not in "biuf":
-        raise _RefusedError(f"{values!r:.60} is an array of {array.dtype}; allowed: numbers")
+        raise RefusedError(f"{values!r:.60} is an array of {array.dtype}; allowed: numbers")
     return np.array(array, dtype=np.float64)
 
 
@@ -216,7 +216,7 @@ def usable_estimate(
         usable: Estimate = answer
         return usable
     with np.errstate(over="ignore"):  # of squares
-        return _checked(lambda: _estimate(answer, t, before, size, age, unflyable))
+        return checked(lambda: _estimate(answer, t, before, size, age, unflyable))
 
 
 def _usable_as_it_is(
@@ -245,25 +245,25 @@ def _estimate(
     unflyable: Callable[[Estimate], str] | None,
 ) -> Estimate:
     if not isinstance(answer, Estimate):
-        raise _RefusedError(f"update() returned {type(answer).__name__}; allowed: Estimate")
+        raise RefusedError(f"update() returned {type(answer).__name__}; allowed: Estimate")
     if not isinstance(answer.status, Status):
-        raise _RefusedError(f"the estimate's status is {answer.status!r}; allowed: a Status")
+        raise RefusedError(f"the estimate's status is {answer.status!r}; allowed: a Status")
     then = float(answer.t)
     if not t - age - _ROUNDING <= then <= t + _ROUNDING:
         oldest = f", and no older than {age:.3g} s" if age < math.inf else ""
-        raise _RefusedError(f"the estimate is of {then!r} s; allowed: {t:.9g} s or before{oldest}")
+        raise RefusedError(f"the estimate is of {then!r} s; allowed: {t:.9g} s or before{oldest}")
     x = numbers(answer.x)
     if x.ndim != 1 or (size is not None and len(x) != size) or (before is not None and len(x) != len(before.x)):
         nx = "nx" if size is None else size
         allowed = f"({nx},)" if before is None else f"{before.x.shape}, as before"
-        raise _RefusedError(f"the estimate's state has shape {x.shape}; allowed: {allowed}")
+        raise RefusedError(f"the estimate's state has shape {x.shape}; allowed: {allowed}")
     if not _finite(x):
-        raise _RefusedError(f"the estimate is {x.tolist()}; allowed: {_FINITE}")
+        raise RefusedError(f"the estimate is {x.tolist()}; allowed: {_FINITE}")
     covariance = None if answer.covariance is None else _covariance(answer.covariance)
     extra = _extra(answer.extra, NOTHING if before is None else before.extra) if answer.extra else NOTHING
     made = Estimate(then, x, covariance, answer.status, extra, str(answer.message))
     if unflyable is not None and (reason := unflyable(made)):
-        raise _RefusedError(reason)
+        raise RefusedError(reason)
     return made
 
 
@@ -276,14 +276,14 @@ def _finite(values: Array) -> bool:
 def _covariance(values: Any) -> Array:
     P = numbers(values)
     if P.ndim != 2 or P.shape[0] != P.shape[1]:
-        raise _RefusedError(f"the estimate's covariance has shape {P.shape}; allowed: (n, n)")
+        raise RefusedError(f"the estimate's covariance has shape {P.shape}; allowed: (n, n)")
     if (P.diagonal() < 0.0).any():  # NaN says that a variance is not known
-        raise _RefusedError(f"the variances of the estimate are {P.diagonal().tolist()}; allowed: numbers >= 0")
+        raise RefusedError(f"the variances of the estimate are {P.diagonal().tolist()}; allowed: numbers >= 0")
     if P.tobytes() == P.T.tobytes():
         return P
     gap = float(np.abs(P - P.T).max())
     if gap > _SYMMETRIC * float(np.abs(P).max()):
-        raise _RefusedError(f"the estimate's covariance differs from its transpose by {gap:.3g}; allowed: symmetric")
+        raise RefusedError(f"the estimate's covariance differs from its transpose by {gap:.3g}; allowed: symmetric")
     return 0.5 * (P + P.T)
 
 
@@ -292,11 +292,11 @@ def _extra(extra: Any, before: Mapping[str, Array]) -> Mapping[str, Array]:
     for key, values in dict(extra).items():
         name, output = str(key), np.array(values)
         if output.dtype.kind not in "biuf":
-            raise _RefusedError(f"the output {name!r} is an array of {output.dtype}; allowed: numbers")
+            raise RefusedError(f"the output {name!r} is an array of {output.dtype}; allowed: numbers")
         if output.dtype.kind == "f":
             output = output.astype(np.float64, copy=False)  # compiled code knows no other widths
         if name in before and before[name].shape != output.shape:
-            raise _RefusedError(
+            raise RefusedError(
                 f"the output {name!r} has shape {output.shape}; allowed: {before[name].shape}, as before"
             )
         outputs[name] = output
@@ -308,15 +308,15 @@ def usable_plan(answer: Any, name: str = "") -> Plan | Unusable:
 
     A plan's arrays fit together and are finite; what they say is for a certificate to check.
     """
-    return _checked(lambda: _plan(answer, name))
+    return checked(lambda: _plan(answer, name))
 
 
 def _plan(answer: Any, name: str) -> Plan:
     if not isinstance(answer, Plan):
-        raise _RefusedError(f"plan() returned {type(answer).__name__}; allowed: Plan")
+        raise RefusedError(f"plan() returned {type(answer).__name__}; allowed: Plan")
     status, message = answer.status, str(answer.message)
     if not isinstance(status, Enum) or not _is_own(type(status)) or (name and status in _OF_THE_LOOP):
-        raise _RefusedError(f"the plan's status is {status!r}; allowed: one of a planner")
+        raise RefusedError(f"the plan's status is {status!r}; allowed: one of a planner")
     if name and not isinstance(status, Status):  # the reasons of a certificate are for a certificate to give
         status, message = Status.INFEASIBLE, f"{status.value}: {message}"
     plan = locked_plan(answer)
@@ -331,10 +331,10 @@ def _plan(answer: Any, name: str) -> Plan:
             and len(x) == len(u) + 1 == k + 1
         ):
             shapes = f"t {t.shape}, x {x.shape}, u {u.shape}, phase {phase.shape}"
-            raise _RefusedError(f"the plan's arrays are {shapes}; allowed: (K + 1,), (K + 1, nx), (K, nu), (K,)")
+            raise RefusedError(f"the plan's arrays are {shapes}; allowed: (K + 1,), (K + 1, nx), (K, nu), (K,)")
         for part, values in (("t", t), ("x", x), ("u", u)):
             if not np.isfinite(values).all():
-                raise _RefusedError(f"the plan's {part} is not finite", Status.NOT_FINITE)
+                raise RefusedError(f"the plan's {part} is not finite", Status.NOT_FINITE)
     return dataclasses.replace(
         plan,
         status=status,
@@ -357,17 +357,17 @@ def usable_command(
         square = answer.dot(answer)
         if square <= longest * longest and square < math.inf:
             return answer
-    return _checked(lambda: _command(answer, shape, longest))
+    return checked(lambda: _command(answer, shape, longest))
 
 
 def _command(answer: Any, shape: tuple[int, ...], longest: float) -> Array:
     command = numbers(answer)
     if command.shape != shape:
-        raise _RefusedError(f"the command has shape {command.shape}; allowed: {shape}")
+        raise RefusedError(f"the command has shape {command.shape}; allowed: {shape}")
     if not _finite(command):
-        raise _RefusedError(f"the command is {command.tolist()}; allowed: {_FINITE}")
+        raise RefusedError(f"the command is {command.tolist()}; allowed: {_FINITE}")
     if command.dot(command) > (longest * (1.0 + _RELATIVE)) ** 2:
-        raise _RefusedError(f"the command is {command.tolist()}; allowed: a length of at most {longest:g}")
+        raise RefusedError(f"the command is {command.tolist()}; allowed: a length of at most {longest:g}")
     return command
 
 
@@ -376,11 +376,12 @@ def usable_events(call: Callable[[], Any], name: str) -> tuple[tuple[str, str], 
     answer = answered(call)
     if isinstance(answer, Unusable) or (type(answer) in (list, tuple) and not answer):
         return answer or ()
-    return _checked(lambda: _events(answer, name))
+    return checked(lambda: signed_events(answer, name))
 
 
-def _events(answer: Any, name: str) -> tuple[tuple[str, str], ...]:
+def signed_events(answer: Any, name: str) -> tuple[tuple[str, str], ...]:
+    """Return pairs of kind and message as text, with the name of their plug-in; RefusedError for too many."""
     events = tuple((str(kind), str(message)) for kind, message in islice(answer, _MOST_EVENTS + 1))
     if len(events) > _MOST_EVENTS:
-        raise _RefusedError(f"more than {_MOST_EVENTS} events at one step; allowed: no more")
+        raise RefusedError(f"more than {_MOST_EVENTS} events at one step; allowed: no more")
     return tuple(zip(signed([kind for kind, _ in events], name), (text for _, text in events), strict=True))

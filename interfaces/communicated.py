@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.interfaces.boundary import Unusable, _checked, _events, _RefusedError, locked
+from mathnavi.interfaces.boundary import RefusedError, Unusable, checked, locked, signed_events
 from mathnavi.interfaces.signals import Message, Outbox
 
 _ATOMS = (bool, int, float, complex, str, bytes)
@@ -23,7 +23,7 @@ _DATA = "numbers, text, arrays, tuples, sets and mappings of them, and frozen da
 
 
 def data(value: Any) -> Any:
-    """Return immutable data that no one else holds; _RefusedError for an object that is no data.
+    """Return immutable data that no one else holds; RefusedError for an object that is no data.
 
     Lists become tuples, sets frozen sets, mappings read-only, and arrays are locked.
     """
@@ -43,7 +43,7 @@ def data(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type) and _is_frozen(type(value)):
         own = {each.name: data(getattr(value, each.name)) for each in dataclasses.fields(value) if each.init}
         return dataclasses.replace(value, **own)
-    raise _RefusedError(f"{_a(value)}; allowed: {_DATA}")
+    raise RefusedError(f"{_a(value)}; allowed: {_DATA}")
 
 
 def _is_frozen(kind: Any) -> bool:
@@ -59,29 +59,29 @@ def usable_outbox(answer: Any, sender: str, fleet: Collection[str], name: str = 
 
     What a guest, called ``name``, sends is copied as data. To its planner it sends finite numbers and text, and no map.
     """
-    return _checked(lambda: _outbox(answer, sender, fleet, name))
+    return checked(lambda: _outbox(answer, sender, fleet, name))
 
 
 def _outbox(answer: Any, sender: str, fleet: Collection[str], name: str) -> Outbox:
     if not isinstance(answer, Outbox):
-        raise _RefusedError(f"exchange() returned {type(answer).__name__}; allowed: Outbox")
+        raise RefusedError(f"exchange() returned {type(answer).__name__}; allowed: Outbox")
     sent = [message for _, message in answer.messages]
     for message in (*sent, *answer.planner_messages):
         if not isinstance(message, Message) or not math.isfinite(message.t):
-            raise _RefusedError(f"exchange() sends {message!r}; allowed: a Message of a finite time")
+            raise RefusedError(f"exchange() sends {message!r}; allowed: a Message of a finite time")
         if message.sender != sender:
-            raise _RefusedError(f"exchange() sends as {message.sender!r}; allowed: {sender!r}")
+            raise RefusedError(f"exchange() sends as {message.sender!r}; allowed: {sender!r}")
     if not name:
         return answer
     for to, _ in answer.messages:
         if unknown := [each for each in (to if isinstance(to, tuple) else (to,)) if each not in fleet]:
-            raise _RefusedError(f"exchange() sends to {unknown[0]!r}; allowed: {', '.join(fleet)}")
+            raise RefusedError(f"exchange() sends to {unknown[0]!r}; allowed: {', '.join(fleet)}")
     for message in answer.planner_messages:
         _check_numbers(message.payload)
     return Outbox(
         tuple((to, _own(message, sender)) for to, message in answer.messages),
         tuple(_own(message, sender) for message in answer.planner_messages),
-        _events(answer.events, name),
+        signed_events(answer.events, name),
     )
 
 
@@ -90,13 +90,13 @@ def _own(message: Message, sender: str) -> Message:
 
 
 def _check_numbers(payload: Any) -> None:
-    """Raise _RefusedError for a payload that is more than finite numbers and text."""
+    """Raise RefusedError for a payload that is more than finite numbers and text."""
     values = payload if isinstance(payload, (tuple, list)) else (payload,)
     for value in values:
         if isinstance(value, (float, np.floating)) and not math.isfinite(value):
-            raise _RefusedError(f"exchange() sends {float(value)!r} to the planner; allowed: finite numbers")
+            raise RefusedError(f"exchange() sends {float(value)!r} to the planner; allowed: finite numbers")
         if not (value is None or type(value) in _ATOMS or isinstance(value, np.generic)):
-            raise _RefusedError(f"exchange() sends {_a(value)} to the planner; allowed: numbers, text, tuples of them")
+            raise RefusedError(f"exchange() sends {_a(value)} to the planner; allowed: numbers, text, tuples of them")
 
 
 def usable_round(payload: Any, value: Any, outlier: Any, name: str = "") -> tuple[Any, float, bool] | Unusable:
@@ -104,15 +104,15 @@ def usable_round(payload: Any, value: Any, outlier: Any, name: str = "") -> tupl
 
     The payload of a guest, called ``name``, is copied as data.
     """
-    return _checked(lambda: _round(payload, value, outlier, name))
+    return checked(lambda: _round(payload, value, outlier, name))
 
 
 def _round(payload: Any, value: Any, outlier: Any, name: str) -> tuple[Any, float, bool]:
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise _RefusedError(f"value is {_a(value)}; allowed: a number")
+        raise RefusedError(f"value is {_a(value)}; allowed: a number")
     number = float(value)
     if not (math.isnan(number) or math.isfinite(number * number)):
-        raise _RefusedError(f"value is {number!r}; allowed: NaN, and numbers whose squares are finite")
+        raise RefusedError(f"value is {number!r}; allowed: NaN, and numbers whose squares are finite")
     if not isinstance(outlier, (bool, np.bool_)):
-        raise _RefusedError(f"outlier is {_a(outlier)}; allowed: True, False")
+        raise RefusedError(f"outlier is {_a(outlier)}; allowed: True, False")
     return data(payload) if name else payload, number, bool(outlier)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import dataclasses
 from collections.abc import Callable, Iterator
 from decimal import Decimal
@@ -165,6 +166,7 @@ def test_what_a_tracker_stated_stays_what_it_was() -> None:
     assert tracker.bound.horizontal == before.horizontal < 1e3
     assert tracker.period == MISSION.control_period
     assert guest(tracker) == "Tracker"
+    assert copy.copy(tracker).bound == before
 
 
 def test_a_lag_of_another_kind_is_refused() -> None:

@@ -43,6 +43,17 @@ SHORTEST_ARC = 1e-6
 """least length of an arc, over the guess of T"""
 
 
+@dataclass(frozen=True)
+class Places:
+    """Places of what is at a known time: nodes of the instants, and ends of arcs that stay where they are."""
+
+    instants: tuple[int, ...] = ()  # index of the node of each
+    pinned: tuple[tuple[int, float], ...] = ()  # number of arcs up to a break, and its fraction of T
+
+
+NOTHING_PLACED = Places()
+
+
 @dataclass(frozen=True, eq=False)
 class Programme:
     """A nonlinear programme: minimise f(x, p) subject to lower <= g(x, p) <= upper, x_lower <= x <= x_upper."""
@@ -61,6 +72,7 @@ class Programme:
     held_rows: Integers  # (N - 1, ·) rows of what holds along each interval, path constraints first; -1 if missing
     initial_rows: Integers  # (ni,) rows of the start
     final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
+    instant_rows: Integers  # (nc,) rows of what is stated at given times
     functional: ca.MX | None  # () Σ I_i(x, p), the distribution's share of f; None where it has none
 
     @property
@@ -70,12 +82,18 @@ class Programme:
 
 
 def programme(
-    problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int, arcs: int = 1
+    problem: ProblemFunctions,
+    scheme: Scheme,
+    distribution: NodeDistribution,
+    nodes: int,
+    arcs: int = 1,
+    known_places: Places = NOTHING_PLACED,
 ) -> Programme:
     """Build the nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in ``arcs`` arcs.
 
     Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
     ProblemError where there are too few nodes for the distribution, and for several arcs of nodes that are unknowns.
+    What is stated at given times holds at ``known_places``.
     """
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
@@ -87,7 +105,7 @@ def programme(
     smoothing = ca.MX.sym("rho", layout.smoothed, count)
     pointwise = isinstance(scheme, COLLOCATIONS) and isinstance(distribution, Fixed)
     interval = None if pointwise else _interval(layout, distribution)
-    start, end = _start(layout), _end(layout)
+    start, end, instants = _start(layout), _end(layout, known_places.pinned), _instants(layout)
     between = 0 if interval is None else interval.between
     own_limits = _interval_limits(layout, distribution, layout.own_points + between)
     kept = _own_rows(layout, len(own_limits[0]))
@@ -100,9 +118,16 @@ def programme(
     places[0, :nz] -= shift
     at_start, at_end = nz + np.arange(shift)[None, :], places.max() + 1 + np.arange(len(end.lower))[None, :]
     lower, upper = (
-        np.concatenate([each[:nz], first, np.tile(each, (count, 1))[kept][nz:], last])
-        for first, each, last in zip((start.lower, start.upper), own_limits, (end.lower, end.upper), strict=True)
+        np.concatenate([each[:nz], first, np.tile(each, (count, 1))[kept][nz:], last, at])
+        for first, each, last, at in zip(
+            (start.lower, start.upper),
+            own_limits,
+            (end.lower, end.upper),
+            (instants.lower, instants.upper),
+            strict=True,
+        )
     )
+    at_instants = at_end.max(initial=places.max()) + 1 + np.arange(len(instants.lower))[None, :]
     p = ca.vertcat(parameters, *(ca.vec(each) for each in (*places_known, smoothing)))
     functional = None
     if interval is None:
@@ -126,6 +151,9 @@ def programme(
         *blocks,
         Block(end.stage, layout.state_columns[-1:, :1] + np.arange(end.stage.v.numel()), at_end, parameters),
     ]
+    if known_places.instants:
+        columns = layout.state_columns[list(known_places.instants), : problem.nx].reshape(1, -1)
+        blocks.append(Block(instants.stage, columns, at_instants, parameters))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [*(kept.sum(axis=1) - nz).tolist(), len(end.lower)]
     path_rows[0] += shift
@@ -144,6 +172,7 @@ def programme(
         held_rows=places[:, nz + scheme.interior * problem.nx :],
         initial_rows=at_start[0],
         final_rows=at_end[0],
+        instant_rows=at_instants[0],
         functional=functional,
     )
 
@@ -327,8 +356,19 @@ def _start(layout: ProgrammeLayout) -> _End:
     return _End(NlpStage(z, p, rows, ca.SX(0)), *problem.initial_bounds)
 
 
-def _end(layout: ProgrammeLayout) -> _End:
-    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost."""
+def _instants(layout: ProgrammeLayout) -> _End:
+    """Rows and cost of what is stated at given times."""
+    problem, found = layout.problem, layout.problem.instants
+    p = ca.SX.sym("p", len(problem.parameters))
+    if found is None:
+        return _End(NlpStage(ca.SX(0, 1), p, ca.SX(0, 1), ca.SX(0)), np.empty(0), np.empty(0))
+    z = ca.SX.sym("z", len(found.fractions) * problem.nx)
+    X = z * ca.DM(np.tile(problem.state_scale, len(found.fractions)))
+    return _End(NlpStage(z, p, found.rows(X, p), found.cost(X, p)), *found.bounds)
+
+
+def _end(layout: ProgrammeLayout, pinned: tuple[tuple[int, float], ...]) -> _End:
+    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost; ends of arcs that are pinned."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
     p = ca.SX.sym("p", len(problem.parameters))
@@ -350,6 +390,10 @@ def _end(layout: ProgrammeLayout) -> _End:
         for final, path in zip(problem.final_bounds, problem.path_bounds, strict=True)
     )
     rows = ca.vertcat(problem.final(x, duration, p), held)
+    if pinned:  # Σ δ of the arcs up to a break
+        fractions = np.array([fraction for _, fraction in pinned])
+        rows = ca.vertcat(rows, *(ca.sum1(lengths[:count]) / problem.guess_duration for count, _ in pinned))
+        lower, upper = np.append(lower, fractions), np.append(upper, fractions)
     if layout.arcs > 1:  # Σ δ = T
         rows = ca.vertcat(rows, duration / problem.guess_duration)
         shortest, longest = problem.duration_bounds

@@ -26,13 +26,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.comparisons import Row, rows, zero_limits
+from mathnavi.controllers.ocp.comparisons import Row, rows, end_limits
 from mathnavi.controllers.ocp.defects import running_costs
 from mathnavi.controllers.ocp.diagnosis import unbounded
 from mathnavi.controllers.ocp.dual_solution import own_names
 from mathnavi.controllers.ocp.expressions import expression
 from mathnavi.controllers.ocp.guesses import Values
-from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
+from mathnavi.controllers.ocp.instants import instant_cost
+from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
@@ -42,6 +43,7 @@ from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
+from mathnavi.controllers.ocp.substitutions import guessed, since_start, solved
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.short_tables import short_table
@@ -217,18 +219,23 @@ class MultiPhaseProblem:
         self._check_own(before, after)
         jumps = dict(jumps or {})
         own = {v.name: v.symbol for v in before.statement.states}
-        left_alone = after.statement.starts
-        shared = [
-            v
-            for v in after.statement.states
-            if v.name in own and v.name not in left_alone and not v.name.endswith("(0)")
-        ]
-        names = [v.name for v in shared]
+        common = [v for v in after.statement.states if v.name in own and not v.name.endswith("(0)")]
+        shared = [v for v in common if v.name not in after.statement.starts]
+        names = ", ".join(v.name for v in shared)
         where = f"{self.name}: {before.name} to {after.name}"
-        if not names:
+        if not common:
             raise ProblemError(f"{where}: no state in common; allowed: phases with states of the same name")
-        if strangers := [str(name) for name in jumps if name not in names]:
-            raise ProblemError(f"{where}: jump of {', '.join(strangers)}; allowed: {', '.join(names)}")
+        if not shared:
+            raise ProblemError(
+                f"{where}: {', '.join(v.name for v in common)} of {after.name}: each has a start of its own; "
+                f"allowed: at least one state of both phases that {after.name} does not start itself"
+            )
+        if strangers := [str(name) for name in jumps if name not in [v.name for v in shared]]:
+            why = "; ".join(f"{each} is {_why_it_cannot_jump(each, before, after)}" for each in strangers)
+            raise ProblemError(
+                f"{where}: jump of {', '.join(strangers)}: {why}; allowed: jumps of {names}, the states of both phases "
+                f"that {after.name} does not start itself"
+            )
         for variable in shared:
             jump = expression(f"{where}: jump of {variable.name}", jumps.get(variable.name, 0.0))
             gap = after.initial(variable.symbol) - own[variable.name] - jump
@@ -242,7 +249,7 @@ class MultiPhaseProblem:
         """
         every = ca.vertcat(*(each for phase in self._phases.values() for each in phase.statement.at_end))
         where = f"{self.name}: coupling"
-        self._couplings += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=ca.symvar(every))
+        self._couplings += rows(where, constraint, *end_limits(constraint, lower, upper), name, known=ca.symvar(every))
 
     def functions(self) -> ProblemFunctions:
         """The stacked problem as compiled functions, over τ in [0, 1]; its variables are named phase.variable.
@@ -321,6 +328,19 @@ class MultiPhaseProblem:
         return MultiPhaseSolution(self.name, stacked, phases, start_times)
 
 
+def _why_it_cannot_jump(name: str, before: OptimalControlProblem, after: OptimalControlProblem) -> str:
+    """What a name that link() cannot give a jump is, in the words of the error."""
+    for phase, other in ((before, after), (after, before)):
+        statement = phase.statement
+        if name in [v.name for v in statement.controls]:
+            return f"a control of {phase.name}"
+        if name in [each.name for each in statement.parameters]:
+            return "a parameter"
+        if name in [v.name for v in statement.states] and name not in other.statement.names:
+            return f"a state of {phase.name} only"
+    return f"started by {after.name} itself" if name in after.statement.starts else "no state of either phase"
+
+
 def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, shared: list[Parameter]) -> ca.SX:
     """Add a phase that begins at t = ``elapsed`` [s]; returns when it ends."""
     duration = phase.duration
@@ -338,7 +358,7 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
     def renamed(rows_of: list[Row]) -> list[Row]:
         return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
 
-    guess = guesses_of(since_start(phase))
+    guess = guesses_of(guessed(since_start(phase)))
     columns = zip((*guess.states.T, *guess.controls.T), (*guess.state_scale, *guess.control_scale), strict=True)
     for k, (variable, (values, scale)) in enumerate(zip((*phase.states, *phase.controls), columns, strict=True)):
         among = stacked.states if k < len(phase.states) else stacked.controls

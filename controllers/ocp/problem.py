@@ -31,16 +31,18 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
+from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, end_limits
 from mathnavi.controllers.ocp.expressions import column, expression, number
 from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
-from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
+from mathnavi.controllers.ocp.instants import ProblemAt
+from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions, duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
+from mathnavi.controllers.ocp.substitutions import guessed, since_start
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.short_tables import Row as TableRow
@@ -53,6 +55,20 @@ Numbers = float | Sequence[float]
 """one number for all components, or one for each"""
 Expression = Any
 """an SX expression, a number, or a sequence of these"""
+
+
+class DurationSymbol(ca.SX):
+    """The symbol T [s] of a final time, which is fixed by a call."""
+
+    def __init__(self, statement: Statement) -> None:
+        """Take the symbol of a statement."""
+        super().__init__(statement.final_time)
+        self._statement = statement
+
+    def __call__(self, value: float) -> ca.SX:
+        """Fix the final time at ``value`` [s]; returns its symbol."""
+        self._statement.set_duration(value, value, value)
+        return self._statement.final_time
 
 
 class OptimalControlProblem:
@@ -81,8 +97,16 @@ class OptimalControlProblem:
 
     @property
     def t(self) -> ca.SX:
-        """Time [s] since the start, or since the origin of a start time that is stated."""
+        """Time [s] since the start, or since the origin of a start time that is stated; of a phase, see ``elapsed``.
+
+        In a phase it is the time of the whole problem: it goes on from one phase to the next.
+        """
         return self.statement.t
+
+    @property
+    def elapsed(self) -> ca.SX:
+        """Time [s] since the start of this problem or, in one of several phases, of this phase."""
+        return self.statement.elapsed
 
     bounded = staticmethod(bounded)
 
@@ -146,14 +170,18 @@ class OptimalControlProblem:
 
     # time
 
-    def duration(self, value: float) -> None:
-        """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
-        self.free_duration(guess=value, lower=value, upper=value)
+    @property
+    def duration(self) -> DurationSymbol:
+        """Symbol T [s] of the final time; called with a number, ``duration(2.0)``, it fixes it, and returns the symbol.
+
+        T may stand in dynamics, costs and constraints. ProblemError unless 0 < T <= 1e9 s, and if it is given twice.
+        """
+        return DurationSymbol(self.statement)
 
     def free_duration(
         self, *, guess: float, lower: float = DURATION_LIMITS[0], upper: float = DURATION_LIMITS[1]
     ) -> ca.SX:
-        """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+        """Free the final time, lower <= T <= upper [s]; returns its symbol ``duration``.
 
         A result that ends at one of the default limits is not a solution: its status is UNBOUNDED.
 
@@ -202,7 +230,7 @@ class OptimalControlProblem:
         messages and results. ProblemError for what cannot be a constraint, see ``comparisons.rows``.
         """
         s = self.statement
-        for row in rows(f"{self.name}: path constraint", constraint, lower, upper, name, known=s.along):
+        for row in rows(f"{self.name}: path constraint", constraint, lower, upper, name, known=s.known_along):
             variable = self.statement.variable(row.expression)
             if variable is None or lower is not None or upper is not None or row.lower == row.upper:
                 s.path.append(row)
@@ -219,10 +247,13 @@ class OptimalControlProblem:
     def start_constraint(
         self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
     ) -> None:
-        """Constrain the start: a comparison, or lower <= i(x(0); p) <= upper; a limit that is not given is 0."""
+        """Constrain the start: a comparison, or lower <= i(x(0); p) <= upper.
+
+        One limit of an expression is a one-sided constraint; an expression without any is an equation, = 0.
+        """
         s = self.statement
         where = f"{self.name}: start constraint"
-        s.initial += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_start)
+        s.initial += rows(where, constraint, *end_limits(constraint, lower, upper), name, known=s.known_at)
 
     def end(self, state: ca.SX, value: Expression) -> None:
         """End at x(T) = value, a number or an expression of T, parameters and states, for one state or several.
@@ -234,10 +265,21 @@ class OptimalControlProblem:
     def end_constraint(
         self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
     ) -> None:
-        """Constrain the end: a comparison, or lower <= s(x(T), T; p) <= upper; a limit that is not given is 0."""
+        """Constrain the end: a comparison, or lower <= s(x(T), T; p) <= upper.
+
+        One limit of an expression is a one-sided constraint; an expression without any is an equation, = 0.
+        """
         s = self.statement
         where = f"{self.name}: end constraint"
-        s.final += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_end)
+        s.final += rows(where, constraint, *end_limits(constraint, lower, upper), name, known=s.known_at)
+
+    def at(self, time: float) -> ProblemAt:
+        """A time [s] since the start, of a phase since its own, at which a cost or constraints are to be stated.
+
+        ``at(2.0).minimise((x - 3.1)**2)`` adds to J, ``at(2.0).constrain(x <= 1)`` limits x(2.0). A node is placed
+        there. ProblemError, at the latest when it is solved, unless 0 <= time <= T of a duration that is fixed.
+        """
+        return ProblemAt(self.statement, time)
 
     # what becomes an additional state or control
 
@@ -345,7 +387,7 @@ class OptimalControlProblem:
         duration = self.statement.duration
         if duration is None:
             raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
-        found = guesses_of(since_start(self.statement))
+        found = guesses_of(guessed(since_start(self.statement)))
         scales = dict(zip(self.statement.variable_names, [*found.state_scale, *found.control_scale], strict=True))
         return {name: float(scale) for name, scale in scales.items()} | {"T": duration.guess}
 

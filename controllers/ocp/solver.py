@@ -19,10 +19,10 @@ from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
-from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import at_rows, programme
+from mathnavi.controllers.ocp.nlp import Places, at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -33,6 +33,7 @@ from mathnavi.interfaces.signals import Array
 FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
+_AT_NODE = 1e-9  # of T, from a node that is at a given time
 _MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
 
 
@@ -47,8 +48,12 @@ class Transcription:
         nodes: int,
         options: Options,
         arcs: int = 1,
+        places: Places | None = None,
     ) -> None:
         """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs.
+
+        ``places`` are those of what is at a known time, None for those on uniform nodes; for a grid with other ones
+        ``solve`` builds another transcription, and keeps it.
 
         Raises ProblemError for FATROP with a scheme that is not explicit, for too few nodes for the distribution, and
         for several arcs of nodes that are unknowns.
@@ -59,8 +64,13 @@ class Transcription:
                 f"backend = {options.backend!r} cannot solve {scheme.name}: x_(i+1) is not given explicitly; "
                 "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
             )
+        if problem.instants is not None and (distribution.moving or options.backend.startswith("fatrop")):
+            why = "nodes that are unknowns" if distribution.moving else f"backend = {options.backend!r}"
+            raise ProblemError(f"{problem.name}: at() with {why}; allowed: nodes that are given, and backend = 'ipopt'")
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
-        self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs)
+        self._options, self._siblings = options, dict[Places, Transcription]()
+        self.places = places or _places(problem, on_breaks(uniform(check_nodes(nodes)), problem.breaks), None)
+        self.programme = programme(problem, scheme, distribution, nodes, arcs, self.places)
         self.layout = self.programme.layout
         nlp = self.programme
         self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
@@ -88,7 +98,7 @@ class Transcription:
                 a guess with other numbers of states or controls.
         """
         p = self.problem.nominal if parameters is None else parameters
-        where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
+        where = grid or (guess.grid if guess is not None else on_breaks(uniform(self.nodes), self.problem.breaks))
         if len(where) != self.nodes:
             raise ProblemError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
         if not isinstance(p, np.ndarray) or p.shape != self.problem.nominal.shape:
@@ -103,6 +113,8 @@ class Transcription:
             )
         if (1 if arcs is None else len(arcs)) != self.layout.arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
+        if not self.layout.moving and (places := _places(self.problem, where, arcs)) != self.places:
+            return self._sibling(places).solve(guess, where, p, arcs)
         shares = None
         smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
         if arcs is not None and arcs.smoothing is not None:
@@ -134,6 +146,15 @@ class Transcription:
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
         return found
+
+    def _sibling(self, places: Places) -> Transcription:
+        """The transcription that is this one with other places of what is at a known time."""
+        if places not in self._siblings:
+            made = Transcription(
+                self.problem, self.scheme, self.distribution, self.nodes, self._options, self.layout.arcs, places
+            )
+            self._siblings[places] = made
+        return self._siblings[places]
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """Add to the answer of a solve that met NaN or infinity what was not finite at the guess or last iterate."""
@@ -253,6 +274,25 @@ class Transcription:
             z.append(grid.nodes[:, None])
             w.append(D[:, None])
         return layout.join(np.hstack(z), np.hstack(w), last if scheme.shared else np.empty(0))
+
+
+def _places(problem: ProblemFunctions, grid: Grid, arcs: Arcs | None) -> Places:
+    """Places of the instants among the nodes of a grid, and of the arcs that end at a break.
+
+    ProblemError where an instant is at no node.
+    """
+    pinned = () if arcs is None or len(arcs) == 1 else arcs.pinned
+    if problem.instants is None:
+        return Places((), pinned)
+    nearest = np.abs(grid.nodes[:, None] - problem.instants.fractions).argmin(axis=0)
+    off = np.abs(grid.nodes[nearest] - problem.instants.fractions) > _AT_NODE
+    if off.any():
+        times = problem.instants.fractions[off] * problem.guess_duration
+        raise ProblemError(
+            f"grid: no node at {', '.join(f'{t:g}' for t in times)} s, where {problem.name} states a cost or a "
+            "constraint; allowed: a grid with a node there"
+        )
+    return Places(tuple(nearest.tolist()), pinned)
 
 
 @lru_cache(maxsize=64)

@@ -22,6 +22,7 @@ from mathnavi.interfaces.signals import Array, Integers
 _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
 _WEAK = 1e-3  # of its largest value: a limit with a smaller multiplier is not active
+_AT_BREAK = 1e-6  # of T, from a boundary to a break that are one
 _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 
@@ -57,6 +58,34 @@ class Structure:
                 boundaries.append(start)
             held.append(own)
         return Structure(np.array(boundaries), np.array(held), self.edges)
+
+    def nodes_with(self, breaks: tuple[float, ...]) -> Array:
+        """Boundaries and break times (k,), fractions of T that have a node; a boundary at a break is that break."""
+        at_break, _ = self._beside(breaks)
+        return np.sort(np.concatenate([self.boundaries[~at_break], breaks]))
+
+    def pinned(self, breaks: tuple[float, ...]) -> tuple[Structure, tuple[tuple[int, float], ...]]:
+        """The structure whose arcs end also at the breaks next to each boundary, so that no break moves with one.
+
+        Of each such end, which stays where it is, the number of arcs up to it and its fraction of T.
+        """
+        if not breaks or not len(self.boundaries):
+            return self, ()
+        at_break, beside = self._beside(breaks)
+        boundaries = np.sort(np.concatenate([self.boundaries[~at_break], beside]))
+        middles = 0.5 * (np.append(0.0, boundaries) + np.append(boundaries, 1.0))
+        held = self.held[np.searchsorted(self.boundaries, middles)]
+        stay = np.flatnonzero(np.isin(boundaries, beside))
+        return Structure(boundaries, held, self.edges), tuple((int(k) + 1, float(boundaries[k])) for k in stay)
+
+    def _beside(self, breaks: tuple[float, ...]) -> tuple[NDArray[np.bool_], Array]:
+        """Which boundaries (A - 1,) are at a break, and the breaks that these are at or that are next to another one."""
+        known, own = np.array([-np.inf, *breaks, np.inf]), self.boundaries
+        above = np.searchsorted(known, own)
+        nearer = np.where(own - known[above - 1] <= known[above] - own, above - 1, above)
+        at_break = np.abs(known[nearer] - own) <= _AT_BREAK
+        beside = np.unique(known[np.concatenate([nearer[at_break], above[~at_break] - 1, above[~at_break]])])
+        return at_break, beside[np.isfinite(beside)]
 
     def same(self, other: Structure) -> bool:
         """True if the arcs of both hold the same controls in the same order."""

@@ -40,7 +40,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects, running_costs
-from mathnavi.controllers.ocp.grid import check_nodes, uniform
+from mathnavi.controllers.ocp.grid import check_nodes, exactly_on, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import control_variations
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed
@@ -60,9 +60,12 @@ _CONVEX = 1e-9  # least eigenvalue of H_uu over its largest along the solution
 
 
 def suboptimality(solution: Solution) -> float:
-    """Estimate of J - J*, in units of J; infinite where a limit is active, or H_uu does not determine a control."""
+    """Estimate of J - J*, in units of J.
+
+    Infinite where a limit is active, H_uu does not determine a control, or costates jump at given times.
+    """
     problem, scheme, d = solution.problem, solution.scheme, np.diff(solution.t)
-    if not problem.nu or len(scheme.points) < 2 or _restrained(solution):
+    if not problem.nu or len(scheme.points) < 2 or problem.instants is not None or _restrained(solution):
         return math.inf
     abscissae, share = gauss_legendre(_POINTS)
     c, b = 0.5 * (abscissae + 1.0), 0.5 * share
@@ -180,13 +183,14 @@ class _Plan:
     def solved(
         self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
     ) -> Solution:
-        known = self.structure
+        known, stay = self.structure.pinned(problem.breaks)
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
-        arcs = Arcs(intervals, *known.limits(problem), weights)
+        arcs = Arcs(intervals, *known.limits(problem), weights, stay)
         made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known))
-        return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
+        found = made.solve(guess, self.mesh.grid, parameters, arcs)
+        return unwound(dataclasses.replace(found, grid=exactly_on(found.grid, problem.breaks)))
 
     def added(self, solution: Solution) -> float:
         """Bound on what the smoothing adds to J: J is at most as much above its least value."""
@@ -261,7 +265,7 @@ def hp(
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
             following = _Plan(mesh, own, rho, plan.every)
         else:
-            mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
+            mesh = HpMesh.from_solution(current).with_boundaries(seen.nodes_with(problem.breaks), most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
         found, following, smooth_start = _next(problem, following, current, parameters, options)
         failures += int(not smooth_start)
@@ -303,9 +307,9 @@ def _first(
     The grid is that of the guess, or a uniform one.
     """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
-    starts = [(uniform(min(nodes, most_nodes)), count) for nodes, count in _STARTS]
+    starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
     if guess is not None and len(guess.grid) <= most_nodes:
-        starts.insert(0, (guess.grid, _STARTS[0][1]))
+        starts.insert(0, (on_breaks(guess.grid, problem.breaks), _STARTS[0][1]))
     for grid, count in starts:
         plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
@@ -329,7 +333,7 @@ def _next(
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     last = HpMesh.from_solution(current)
-    nodes = last.with_boundaries(following.structure.boundaries, len(current.grid))
+    nodes = last.with_boundaries(following.structure.nodes_with(problem.breaks), len(current.grid))
     tries = (
         following,
         dataclasses.replace(following, smoothing=weight, every=True),

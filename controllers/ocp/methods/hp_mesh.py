@@ -106,7 +106,7 @@ def meshed(
         most_nodes: limit of the number of nodes.
         hard: True if a solve failed before: the mesh grows more slowly.
     """
-    mesh = HpMesh.from_solution(solution)
+    mesh, fixed = HpMesh.from_solution(solution), structure.nodes_with(solution.problem.breaks)
     counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
@@ -114,7 +114,7 @@ def meshed(
     full = len(nodes) >= most_nodes
     if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not violated.any()) or full):
         raised = np.where(counts < MOST_COUNT, counts + 1, counts)
-        return HpMesh(mesh.grid, raised).with_boundaries(structure.boundaries, most_nodes)
+        return HpMesh(mesh.grid, raised).with_boundaries(fixed, most_nodes)
     # Two parts with a point more each, for want of both.
     both = everywhere and not asymptotic and bool((counts < MOST_COUNT).any())
     decays = _decays(solution)
@@ -128,7 +128,7 @@ def meshed(
     parts[widths < _NARROWEST] = 1
     # Where a constraint is active, neighbours stay: joined, they would violate it and be divided again.
     own = errors.own + np.where(errors.path > 0.0, each, 0.0)
-    kept = _without_idle(nodes, own, parts, counts, each, structure.boundaries)
+    kept = _without_idle(nodes, own, parts, counts, each, fixed)
     spare = most_nodes - len(kept)
     pieces, of_pieces = [], []
     worst = np.argsort(-np.where(parts > 1, errors.own + errors.path, -1.0))
@@ -142,7 +142,7 @@ def meshed(
         pieces.append(np.linspace(start, end, n + 1)[:-1])
         of_pieces += [counts[i]] * n
     grid = Grid(np.append(np.concatenate(pieces), 1.0))
-    return HpMesh(grid, np.array(of_pieces)).with_boundaries(structure.boundaries, most_nodes)
+    return HpMesh(grid, np.array(of_pieces)).with_boundaries(fixed, most_nodes)
 
 
 def _degrees(

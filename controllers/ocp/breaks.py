@@ -8,12 +8,16 @@ comparison, an absolute value, or a least or largest value of expressions of the
 from __future__ import annotations
 
 import re
+from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import brentq
 
+from mathnavi.controllers.ocp.expressions import number
 from mathnavi.controllers.ocp.statement import Statement
+from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 
 MOST_BREAKS = 100
@@ -42,6 +46,18 @@ def fractions(values: Array) -> tuple[float, ...]:
     """Fractions of T in increasing order, those in ]0, 1[ that differ."""
     inside = np.sort(values[(values > _SAME) & (values < 1.0 - _SAME)])
     return tuple(inside[np.append(True, np.diff(inside) > _SAME)].tolist()) if len(inside) else ()
+
+
+def times_of(name: str, breaks: Any, T: float, *, free: bool) -> list[float]:
+    """Break times [s] that a person gives; ProblemError, with the problem's ``name``, unless each is inside ]0, T[."""
+    allowed = "none where the duration is free" if free else f"times between 0 and {T:g} s"
+    wrong = ProblemError(f"{name}: breaks = {breaks!r:.80}; allowed: {allowed}")
+    if isinstance(breaks, (str, bytes)) or np.ndim(breaks) != 1:
+        raise wrong
+    times = [number(f"{name}: breaks", each) for each in breaks]
+    if times and (free or not all(0.0 < each < T for each in times)):
+        raise wrong
+    return times
 
 
 def _found(statement: Statement, T: float) -> list[float]:
@@ -78,8 +94,8 @@ def table_knots(table: ca.Function) -> list[Array]:
     letters = np.frombuffer(table.serialize({"debug": True}).encode(), np.uint8).reshape(-1, 2) - ord("a")
     written = (letters[:, 0] + 16 * letters[:, 1]).astype(np.uint8).tobytes()
     grid = _vector(written, b"Interpolant::grid", b"d", "<f8")
-    offset = _vector(written, b"Interpolant::offset", b"J", "<i8").astype(int)
-    return [grid[first:last] for first, last in zip(offset[:-1], offset[1:], strict=True)]
+    offset = _vector(written, b"Interpolant::offset", b"J", "<i8").astype(np.int64)
+    return [grid[first:last] for first, last in pairwise(offset.tolist())]
 
 
 def _vector(written: bytes, name: bytes, letter: bytes, kind: str) -> Array:

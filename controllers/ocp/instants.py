@@ -15,7 +15,7 @@ import numpy as np
 from mathnavi.controllers.ocp.comparisons import end_limits, rows
 from mathnavi.controllers.ocp.expressions import check_symbols, column, expression, number
 from mathnavi.controllers.ocp.problem_functions import InstantFunctions
-from mathnavi.controllers.ocp.statement import Instant, Statement, limits
+from mathnavi.controllers.ocp.statement import Duration, Instant, Statement, limits
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 
@@ -75,15 +75,9 @@ def instant_functions(statement: Statement) -> InstantFunctions | None:
     if not statement.instants:
         return None
     assert statement.duration is not None
-    T, free = statement.duration.guess, statement.duration.free
+    T = statement.duration.guess
     for each in statement.instants:
-        if free and each.time > 0.0:
-            raise ProblemError(
-                f"{statement.name}: at({each.time:g}): the duration is free; allowed: a duration that is fixed, or two "
-                "phases, the first of them ending there"
-            )
-        if not each.time <= T * (1.0 + _ROUNDING):
-            raise ProblemError(f"{statement.name}: at({each.time:g}); allowed: 0 to {T:g} s, the duration")
+        check_instant(statement.name, each.time, statement.duration)
     times = sorted({each.time for each in statement.instants})
     states = [ca.SX.sym(f"x({time:g})", len(statement.states)) for time in times]
     cost, values = ca.SX(0), list[ca.SX]()
@@ -102,6 +96,17 @@ def instant_functions(statement: Statement) -> InstantFunctions | None:
     )
 
 
+def check_instant(name: str, time: float, duration: Duration) -> None:
+    """Raise ProblemError for a time [s] outside [0, T], and for one inside of a duration that is free."""
+    if duration.free and time > 0.0:
+        raise ProblemError(
+            f"{name}: at({time:g}): the duration is free; allowed: a duration that is fixed, or two phases, the first "
+            "of them ending there"
+        )
+    if not time <= duration.guess * (1.0 + _ROUNDING):
+        raise ProblemError(f"{name}: at({time:g}); allowed: 0 to {duration.guess:g} s, the duration")
+
+
 def instant_cost(found: InstantFunctions, x: Array, p: Array) -> float:
     """Σ_k Psi_k of states (m, nx) at the times."""
     return float(found.cost(x.ravel(), p))
@@ -115,4 +120,3 @@ def instant_excess(found: InstantFunctions, x: Array, p: Array) -> float:
     size = np.maximum(1.0, np.maximum(*(np.where(np.isfinite(side), np.abs(side), 0.0) for side in (lower, upper))))
     over = np.maximum(np.maximum(lower - values, values - upper), 0.0) / size
     return float(np.nan_to_num(over, nan=np.inf).max())
-

@@ -87,13 +87,13 @@ def programme(
     distribution: NodeDistribution,
     nodes: int,
     arcs: int = 1,
-    known_places: Places = NOTHING_PLACED,
+    placed_at: Places = NOTHING_PLACED,
 ) -> Programme:
     """Build the nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in ``arcs`` arcs.
 
     Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
     ProblemError where there are too few nodes for the distribution, and for several arcs of nodes that are unknowns.
-    What is stated at given times holds at ``known_places``.
+    What is stated at given times holds at ``placed_at``.
     """
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
@@ -105,7 +105,7 @@ def programme(
     smoothing = ca.MX.sym("rho", layout.smoothed, count)
     pointwise = isinstance(scheme, COLLOCATIONS) and isinstance(distribution, Fixed)
     interval = None if pointwise else _interval(layout, distribution)
-    start, end, instants = _start(layout), _end(layout, known_places.pinned), _instants(layout)
+    start, end, instants = _start(layout), _end(layout, placed_at.pinned), _instants(layout)
     between = 0 if interval is None else interval.between
     own_limits = _interval_limits(layout, distribution, layout.own_points + between)
     kept = _own_rows(layout, len(own_limits[0]))
@@ -151,8 +151,8 @@ def programme(
         *blocks,
         Block(end.stage, layout.state_columns[-1:, :1] + np.arange(end.stage.v.numel()), at_end, parameters),
     ]
-    if known_places.instants:
-        columns = layout.state_columns[list(known_places.instants), : problem.nx].reshape(1, -1)
+    if placed_at.instants:
+        columns = layout.state_columns[list(placed_at.instants), : problem.nx].reshape(1, -1)
         blocks.append(Block(instants.stage, columns, at_instants, parameters))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [*(kept.sum(axis=1) - nz).tolist(), len(end.lower)]
@@ -368,7 +368,7 @@ def _instants(layout: ProgrammeLayout) -> _End:
 
 
 def _end(layout: ProgrammeLayout, pinned: tuple[tuple[int, float], ...]) -> _End:
-    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost; ends of arcs that are pinned."""
+    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost; pinned ends of arcs."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
     p = ca.SX.sym("p", len(problem.parameters))

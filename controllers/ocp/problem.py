@@ -24,6 +24,7 @@ and a free start time. A problem is stated call by call, and solved:
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -31,7 +32,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, end_limits
+from mathnavi.controllers.ocp.breaks import fractions, times_of
+from mathnavi.controllers.ocp.comparisons import Row, bounded, end_limits, rows
 from mathnavi.controllers.ocp.expressions import column, expression, number
 from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
 from mathnavi.controllers.ocp.instants import ProblemAt
@@ -43,6 +45,7 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
 from mathnavi.controllers.ocp.substitutions import guessed, since_start
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.short_tables import Row as TableRow
@@ -94,6 +97,7 @@ class OptimalControlProblem:
         self.statement = Statement(name)
         self._integrals = 0
         self._compiled: tuple[list[object], ProblemFunctions] | None = None
+        self._broken: tuple[ProblemFunctions, ProblemFunctions] | None = None
 
     @property
     def t(self) -> ca.SX:
@@ -403,6 +407,8 @@ class OptimalControlProblem:
         parameters: Mapping[str, Numbers] | None = None,
         tolerance: float | None = None,
         options: Options | None = None,
+        scheme: Scheme | str | None = None,
+        breaks: Sequence[float] = (),
     ) -> Solution:
         """Solve the problem by collocation and replay the solution through its own dynamics.
 
@@ -422,7 +428,15 @@ class OptimalControlProblem:
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
                 the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
                 whose number is given.
-            options: NLP solver with its own tolerance, and what it prints or logs; None for the method's.
+            options: NLP solver with its own tolerance, and what it prints or logs; None for the method's. FATROP
+                (``backend="fatrop"``) needs a scheme that gives x_(i+1): "multiple shooting", which "auto" and "direct"
+                then take, or "forward Euler"; "hp" is refused.
+            scheme: transcription of an interval, or its name: "Hermite-Simpson", "trapezoid", "Radau",
+                "Gauss-Legendre", "Legendre-Gauss-Lobatto", "multiple shooting", "forward Euler"; "auto" is then
+                "direct". None for the method's own.
+            breaks: times [s] since the start, inside of a fixed duration, at which a node is placed: where a function
+                jumps or has a kink. Those of linear tables of the time, of comparisons with it, and of ``at()`` are
+                known.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
@@ -431,13 +445,37 @@ class OptimalControlProblem:
 
         Raises:
             ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
-                method, monitor or parameter, and a monitor that its method cannot take.
+                method, scheme, monitor or parameter, a monitor or a scheme that its method cannot take, and break times
+                outside of the duration or where it is free.
         """
-        problem = self.functions()
+        problem = self._with_breaks(breaks, method)
         values = problem.values_by_name(parameters)
         return solve_by(
-            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
+            problem,
+            nodes,
+            method,
+            monitor,
+            guess=guess,
+            parameters=values,
+            tolerance=tolerance,
+            options=options,
+            scheme=scheme,
         )
+
+    def _with_breaks(self, breaks: Sequence[float], method: str) -> ProblemFunctions:
+        """The compiled functions with break times [s] besides their own; kept as they are."""
+        problem = self.functions()
+        given = times_of(self.name, breaks, problem.guess_duration, free=problem.free_duration)
+        if not given:
+            return problem
+        if method == "distribute":
+            raise ProblemError(
+                f"{self.name}: breaks with method = 'distribute', whose nodes are unknowns; allowed: another method"
+            )
+        every = fractions(np.append(np.array(given) / problem.guess_duration, problem.breaks))
+        if self._broken is None or self._broken[0] is not problem or self._broken[1].breaks != every:
+            self._broken = problem, dataclasses.replace(problem, breaks=every)
+        return self._broken[1]
 
     def functions(self) -> ProblemFunctions:
         """Compile and check the problem's functions; they are kept until something else is stated.

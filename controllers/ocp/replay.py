@@ -146,7 +146,6 @@ DENSE = 20
 _TOLERANCE = 1e-10  # of the integration, relative and in scaled states
 _SUBINTERVALS = 4  # of an interval, for the transition matrix
 _OVERFLOW = 1e100
-_AT_NODE = 1e-9  # of T, from a node that is at a given time
 _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
@@ -213,8 +212,7 @@ def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
         defects += float(np.abs(y - starts[i + 1]).max())
     path_violation = _path_violation(solution, flown * scale, fractions)
     if problem.instants is not None:
-        places = np.searchsorted(solution.grid.nodes, problem.instants.fractions - _AT_NODE)
-        there = np.vstack([starts[:1], flown[:, -1]])[places] * scale
+        there = np.vstack([starts[:1], flown[:, -1]])[solution.instant_nodes] * scale
         cost += instant_cost(problem.instants, there, solution.parameters)
         path_violation = max(path_violation, instant_excess(problem.instants, there, solution.parameters))
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())

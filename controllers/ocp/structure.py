@@ -79,7 +79,7 @@ class Structure:
         return Structure(boundaries, held, self.edges), tuple((int(k) + 1, float(boundaries[k])) for k in stay)
 
     def _beside(self, breaks: tuple[float, ...]) -> tuple[NDArray[np.bool_], Array]:
-        """Which boundaries (A - 1,) are at a break, and the breaks that these are at or that are next to another one."""
+        """Which boundaries (A - 1,) are at a break, and the breaks that are there or next to another."""
         known, own = np.array([-np.inf, *breaks, np.inf]), self.boundaries
         above = np.searchsorted(known, own)
         nearer = np.where(own - known[above - 1] <= known[above] - own, above - 1, above)

@@ -65,7 +65,7 @@ def guessed(statement: Statement) -> Statement:
 
 
 def solved(statement: Statement, duration: float, constants: Sequence[float]) -> Statement:
-    """The statement with the constants of all phases, and T where ``with_duration`` would replace it, at these values."""
+    """The statement with the constants of all phases, and T where ``with_duration`` would replace it, at values."""
     values = [ca.SX(float(value)) for value in constants]
     made = _replaced(statement, statement.constants, [ca.SX(duration), *values])
     if not statement.shared:

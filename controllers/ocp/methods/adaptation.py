@@ -32,7 +32,7 @@ import numpy as np
 from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, on_breaks, split, uniform
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome, Timing
@@ -72,6 +72,7 @@ def solve(
     Raises:
         ProblemError: for fewer than two nodes, and parameters or a guess that do not fit the problem.
     """
+    check_problem(problem)
     grid = nodes if isinstance(nodes, Grid) else on_breaks(uniform(nodes), problem.breaks)
     made = transcription(problem, scheme, len(grid), FIXED, options)
     return replayed(made.solve(guess, grid, parameters), tolerance)
@@ -141,6 +142,7 @@ def redistribute(
     Raises:
         ProblemError: for fewer than two nodes or no round, and a monitor function that is not positive.
     """
+    check_problem(problem)
     if rounds < 1:
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
     start = on_breaks(uniform(nodes), problem.breaks)
@@ -252,6 +254,7 @@ def refine(
         ProblemError: for a scheme whose state has no polynomial, limits that contradict each other and a tolerance that
             is not positive.
     """
+    check_problem(problem)
     if len(scheme.points) < 2:
         raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
     check_nodes(nodes)

@@ -29,7 +29,6 @@ class Arcs:
     control_bounds: Interval  # (A, nu) each; equal where the control is held
     path_bounds: Interval  # (A, nd) each; equal where the constraint holds with equality
     smoothing: Array | None = None  # (A, nu) weight ρ of each control's variation within an interval; None for zeros
-    pinned: tuple[tuple[int, float], ...] = ()  # number of arcs up to an end that stays, and its fraction of T
 
     def __post_init__(self) -> None:
         if not self.intervals or min(self.intervals) < 1:

@@ -12,7 +12,6 @@ import numpy as np
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 
-_ROUNDING = 1e-9  # of T
 _DENSE = 2001  # samples of a monitor function in an equidistributed grid
 
 
@@ -124,17 +123,6 @@ def on_breaks(grid: Grid, breaks: Sequence[float]) -> Grid:
     placed = np.interp(nodes, [0.0, *nodes[moved], 1.0], [0.0, *at, 1.0])
     placed[moved] = at
     return Grid(placed)
-
-
-def exactly_on(grid: Grid, breaks: Sequence[float]) -> Grid:
-    """The grid whose nodes that are at a break but for rounding are there."""
-    if not len(breaks):
-        return grid
-    at, nodes = np.array(breaks), grid.nodes.copy()
-    nearest = np.abs(nodes[:, None] - at).argmin(axis=0)
-    near = np.abs(nodes[nearest] - at) <= _ROUNDING
-    nodes[nearest[near]] = at[near]
-    return Grid(nodes)
 
 
 def check_breaks(name: str, n: int, breaks: Sequence[float]) -> None:

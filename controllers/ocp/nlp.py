@@ -43,17 +43,6 @@ SHORTEST_ARC = 1e-6
 """least length of an arc, over the guess of T"""
 
 
-@dataclass(frozen=True)
-class Places:
-    """Places of what is at a known time: nodes of the instants, and ends of arcs that stay where they are."""
-
-    instants: tuple[int, ...] = ()  # index of the node of each
-    pinned: tuple[tuple[int, float], ...] = ()  # number of arcs up to a break, and its fraction of T
-
-
-NOTHING_PLACED = Places()
-
-
 @dataclass(frozen=True, eq=False)
 class Programme:
     """A nonlinear programme: minimise f(x, p) subject to lower <= g(x, p) <= upper, x_lower <= x <= x_upper."""
@@ -87,13 +76,13 @@ def programme(
     distribution: NodeDistribution,
     nodes: int,
     arcs: int = 1,
-    placed_at: Places = NOTHING_PLACED,
+    instant_nodes: tuple[int, ...] = (),
 ) -> Programme:
     """Build the nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in ``arcs`` arcs.
 
     Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
     ProblemError where there are too few nodes for the distribution, and for several arcs of nodes that are unknowns.
-    What is stated at given times holds at ``placed_at``.
+    What is stated at given times holds at ``instant_nodes``, whose indices are those of the nodes.
     """
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
@@ -105,7 +94,7 @@ def programme(
     smoothing = ca.MX.sym("rho", layout.smoothed, count)
     pointwise = isinstance(scheme, COLLOCATIONS) and isinstance(distribution, Fixed)
     interval = None if pointwise else _interval(layout, distribution)
-    start, end, instants = _start(layout), _end(layout, placed_at.pinned), _instants(layout)
+    start, end, instants = _start(layout), _end(layout), _instants(layout)
     between = 0 if interval is None else interval.between
     own_limits = _interval_limits(layout, distribution, layout.own_points + between)
     kept = _own_rows(layout, len(own_limits[0]))
@@ -151,8 +140,8 @@ def programme(
         *blocks,
         Block(end.stage, layout.state_columns[-1:, :1] + np.arange(end.stage.v.numel()), at_end, parameters),
     ]
-    if placed_at.instants:
-        columns = layout.state_columns[list(placed_at.instants), : problem.nx].reshape(1, -1)
+    if instant_nodes:
+        columns = layout.state_columns[list(instant_nodes), : problem.nx].reshape(1, -1)
         blocks.append(Block(instants.stage, columns, at_instants, parameters))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [*(kept.sum(axis=1) - nz).tolist(), len(end.lower)]
@@ -367,8 +356,8 @@ def _instants(layout: ProgrammeLayout) -> _End:
     return _End(NlpStage(z, p, found.rows(X, p), found.cost(X, p)), *found.bounds)
 
 
-def _end(layout: ProgrammeLayout, pinned: tuple[tuple[int, float], ...]) -> _End:
-    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost; pinned ends of arcs."""
+def _end(layout: ProgrammeLayout) -> _End:
+    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
     p = ca.SX.sym("p", len(problem.parameters))
@@ -390,10 +379,6 @@ def _end(layout: ProgrammeLayout, pinned: tuple[tuple[int, float], ...]) -> _End
         for final, path in zip(problem.final_bounds, problem.path_bounds, strict=True)
     )
     rows = ca.vertcat(problem.final(x, duration, p), held)
-    if pinned:  # Σ δ of the arcs up to a break
-        fractions = np.array([fraction for _, fraction in pinned])
-        rows = ca.vertcat(rows, *(ca.sum1(lengths[:count]) / problem.guess_duration for count, _ in pinned))
-        lower, upper = np.append(lower, fractions), np.append(upper, fractions)
     if layout.arcs > 1:  # Σ δ = T
         rows = ca.vertcat(rows, duration / problem.guess_duration)
         shortest, longest = problem.duration_bounds

@@ -22,7 +22,7 @@ from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import Places, at_rows, programme
+from mathnavi.controllers.ocp.nlp import at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -48,12 +48,12 @@ class Transcription:
         nodes: int,
         options: Options,
         arcs: int = 1,
-        places: Places | None = None,
+        instant_nodes: tuple[int, ...] | None = None,
     ) -> None:
         """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs.
 
-        ``places`` are those of what is at a known time, None for those on uniform nodes; for a grid with other ones
-        ``solve`` builds another transcription, and keeps it.
+        ``instant_nodes`` are the indices of the nodes at given times, None for those of uniform nodes; for a grid with
+        other ones ``solve`` builds another transcription, and keeps it.
 
         Raises ProblemError for FATROP with a scheme that is not explicit, for too few nodes for the distribution, and
         for several arcs of nodes that are unknowns.
@@ -68,9 +68,11 @@ class Transcription:
             why = "nodes that are unknowns" if distribution.moving else f"backend = {options.backend!r}"
             raise ProblemError(f"{problem.name}: at() with {why}; allowed: nodes that are given, and backend = 'ipopt'")
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
-        self._options, self._siblings = options, dict[Places, Transcription]()
-        self.places = places or _places(problem, on_breaks(uniform(check_nodes(nodes)), problem.breaks), None)
-        self.programme = programme(problem, scheme, distribution, nodes, arcs, self.places)
+        if instant_nodes is None:
+            instant_nodes = nodes_of_instants(problem, on_breaks(uniform(check_nodes(nodes)), problem.breaks))
+        self._options, self._siblings = options, dict[tuple[int, ...], Transcription]()
+        self.instant_nodes = instant_nodes
+        self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs, instant_nodes)
         self.layout = self.programme.layout
         nlp = self.programme
         self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
@@ -113,8 +115,8 @@ class Transcription:
             )
         if (1 if arcs is None else len(arcs)) != self.layout.arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
-        if not self.layout.moving and (places := _places(self.problem, where, arcs)) != self.places:
-            return self._sibling(places).solve(guess, where, p, arcs)
+        if (instant_nodes := nodes_of_instants(self.problem, where)) != self.instant_nodes:
+            return self._sibling(instant_nodes).solve(guess, where, p, arcs)
         shares = None
         smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
         if arcs is not None and arcs.smoothing is not None:
@@ -147,14 +149,19 @@ class Transcription:
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
         return found
 
-    def _sibling(self, places: Places) -> Transcription:
-        """The transcription that is this one with other places of what is at a known time."""
-        if places not in self._siblings:
-            made = Transcription(
-                self.problem, self.scheme, self.distribution, self.nodes, self._options, self.layout.arcs, places
+    def _sibling(self, instant_nodes: tuple[int, ...]) -> Transcription:
+        """The transcription that is this one with given times at other nodes."""
+        if instant_nodes not in self._siblings:
+            self._siblings[instant_nodes] = Transcription(
+                self.problem,
+                self.scheme,
+                self.distribution,
+                self.nodes,
+                self._options,
+                self.layout.arcs,
+                instant_nodes,
             )
-            self._siblings[places] = made
-        return self._siblings[places]
+        return self._siblings[instant_nodes]
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """Add to the answer of a solve that met NaN or infinity what was not finite at the guess or last iterate."""
@@ -276,14 +283,10 @@ class Transcription:
         return layout.join(np.hstack(z), np.hstack(w), last if scheme.shared else np.empty(0))
 
 
-def _places(problem: ProblemFunctions, grid: Grid, arcs: Arcs | None) -> Places:
-    """Places of the instants among the nodes of a grid, and of the arcs that end at a break.
-
-    ProblemError where an instant is at no node.
-    """
-    pinned = () if arcs is None or len(arcs) == 1 else arcs.pinned
+def nodes_of_instants(problem: ProblemFunctions, grid: Grid) -> tuple[int, ...]:
+    """Indices of the nodes at which a problem states a cost or constraints; ProblemError where there is none."""
     if problem.instants is None:
-        return Places((), pinned)
+        return ()
     nearest = np.abs(grid.nodes[:, None] - problem.instants.fractions).argmin(axis=0)
     off = np.abs(grid.nodes[nearest] - problem.instants.fractions) > _AT_NODE
     if off.any():
@@ -292,7 +295,7 @@ def _places(problem: ProblemFunctions, grid: Grid, arcs: Arcs | None) -> Places:
             f"grid: no node at {', '.join(f'{t:g}' for t in times)} s, where {problem.name} states a cost or a "
             "constraint; allowed: a grid with a node there"
         )
-    return Places(tuple(nearest.tolist()), pinned)
+    return tuple(nearest.tolist())
 
 
 @lru_cache(maxsize=64)
@@ -303,6 +306,7 @@ def transcription(
     distribution: NodeDistribution = FIXED,
     options: Options = DEFAULT,
     arcs: int = 1,
+    instant_nodes: tuple[int, ...] | None = None,
 ) -> Transcription:
     """Return the transcription for these arguments, built once and kept.
 
@@ -313,13 +317,14 @@ def transcription(
         distribution: places of the nodes; ``Fixed`` for those of a given grid.
         options: solver and tolerance.
         arcs: number A of arcs whose lengths are unknowns.
+        instant_nodes: indices of the nodes at given times; None for those of uniform nodes.
 
     Raises:
         ProblemError: for a problem that is not a ``ProblemFunctions``, such as an ``OptimalControlProblem``, and as
             ``Transcription`` does.
     """
     check_problem(problem)
-    return Transcription(problem, scheme, distribution, nodes, options, arcs)
+    return Transcription(problem, scheme, distribution, nodes, options, arcs, instant_nodes)
 
 
 def _inner_states(

@@ -22,7 +22,7 @@ from mathnavi.interfaces.signals import Array, Integers
 _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
 _WEAK = 1e-3  # of its largest value: a limit with a smaller multiplier is not active
-_AT_BREAK = 1e-6  # of T, from a boundary to a break that are one
+_DRAWS = 3  # of points in general position
 _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 
@@ -58,34 +58,6 @@ class Structure:
                 boundaries.append(start)
             held.append(own)
         return Structure(np.array(boundaries), np.array(held), self.edges)
-
-    def nodes_with(self, breaks: tuple[float, ...]) -> Array:
-        """Boundaries and break times (k,), fractions of T that have a node; a boundary at a break is that break."""
-        at_break, _ = self._beside(breaks)
-        return np.sort(np.concatenate([self.boundaries[~at_break], breaks]))
-
-    def pinned(self, breaks: tuple[float, ...]) -> tuple[Structure, tuple[tuple[int, float], ...]]:
-        """The structure whose arcs end also at the breaks next to each boundary, so that no break moves with one.
-
-        Of each such end, which stays where it is, the number of arcs up to it and its fraction of T.
-        """
-        if not breaks or not len(self.boundaries):
-            return self, ()
-        at_break, beside = self._beside(breaks)
-        boundaries = np.sort(np.concatenate([self.boundaries[~at_break], beside]))
-        middles = 0.5 * (np.append(0.0, boundaries) + np.append(boundaries, 1.0))
-        held = self.held[np.searchsorted(self.boundaries, middles)]
-        stay = np.flatnonzero(np.isin(boundaries, beside))
-        return Structure(boundaries, held, self.edges), tuple((int(k) + 1, float(boundaries[k])) for k in stay)
-
-    def _beside(self, breaks: tuple[float, ...]) -> tuple[NDArray[np.bool_], Array]:
-        """Which boundaries (A - 1,) are at a break, and the breaks that are there or next to another."""
-        known, own = np.array([-np.inf, *breaks, np.inf]), self.boundaries
-        above = np.searchsorted(known, own)
-        nearer = np.where(own - known[above - 1] <= known[above] - own, above - 1, above)
-        at_break = np.abs(known[nearer] - own) <= _AT_BREAK
-        beside = np.unique(known[np.concatenate([nearer[at_break], above[~at_break] - 1, above[~at_break]])])
-        return at_break, beside[np.isfinite(beside)]
 
     def same(self, other: Structure) -> bool:
         """True if the arcs of both hold the same controls in the same order."""
@@ -163,7 +135,24 @@ def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
     x, u, t, p = problem.dynamics.sx_in()
     outputs = ca.vertcat(problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p), problem.path(x, u, t, p))
     slopes = ca.jacobian(outputs, u)
-    return np.array([not ca.depends_on(ca.vec(slopes[:, j]), u[j]) for j in range(problem.nu)], dtype=bool)
+    own = [ca.vec(slopes[:, j]) for j in range(problem.nu)]
+    return np.array([_is_constant(each, u[j], [x, u, t, p]) for j, each in enumerate(own)], dtype=bool)
+
+
+def _is_constant(slopes: ca.SX, control: ca.SX, known: list[ca.SX]) -> bool:
+    """True if slopes (n,) do not depend on a control ().
+
+    Where they call a function, of a table for one, CasADi keeps its derivative in the direction of what it does not
+    depend on, which looks like a dependence and is zero: there it is evaluated at some points in general position.
+    """
+    if not ca.depends_on(slopes, control):
+        return True
+    curvature = ca.Function("curvature", known, [ca.jacobian(slopes, control)])
+    if ca.OP_CALL not in {curvature.instruction_id(k) for k in range(curvature.n_instructions())}:
+        return False
+    drawn = np.random.default_rng(0)
+    points = [[drawn.uniform(0.1, 2.0, symbols.numel()) for symbols in known] for _ in range(_DRAWS)]
+    return all((curvature(*point).full() == 0.0).all() for point in points)
 
 
 def _runs_held(

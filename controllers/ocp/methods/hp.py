@@ -40,15 +40,16 @@ import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects, running_costs
-from mathnavi.controllers.ocp.grid import check_nodes, exactly_on, on_breaks, uniform
+from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import control_variations
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed
+from mathnavi.controllers.ocp.methods.switching_gaps import switching_gaps
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
-from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
+from mathnavi.controllers.ocp.solver import FIXED, Options, nodes_of_instants, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
@@ -183,14 +184,13 @@ class _Plan:
     def solved(
         self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
     ) -> Solution:
-        known, stay = self.structure.pinned(problem.breaks)
+        known = self.structure
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
-        arcs = Arcs(intervals, *known.limits(problem), weights, stay)
-        made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known))
-        found = made.solve(guess, self.mesh.grid, parameters, arcs)
-        return unwound(dataclasses.replace(found, grid=exactly_on(found.grid, problem.breaks)))
+        arcs, at = Arcs(intervals, *known.limits(problem), weights), nodes_of_instants(problem, self.mesh.grid)
+        made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known), at)
+        return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
         """Bound on what the smoothing adds to J: J is at most as much above its least value."""
@@ -239,11 +239,12 @@ def hp(
     plan, current = _first(problem, most_nodes, guess, parameters, options)
     if not current.solved:
         return dataclasses.replace(_explained(current, problem, guess, parameters, options), method="hp")
-    allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
+    allowed, change, visited, bent = _MARGIN * tolerance, math.inf, [plan.structure], 0
+    free = bool(problem.breaks)  # a boundary that moves would move them too: switches between them are narrowed down
     failures = 0
     for number in range(_ROUNDS):
         known, seen, own = defects(current), structure(current), plan.placed(current)
-        errors = interval_errors(current, known)
+        errors = interval_errors(current, known, switching_gaps(current) if problem.breaks else None)
         visits = sum(seen.same(other) for other in visited)
         coarse = len(own) > 1 and errors.total > _COARSE  # a mesh that is too coarse shows arcs that are none
         settled = (
@@ -265,7 +266,7 @@ def hp(
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
             following = _Plan(mesh, own, rho, plan.every)
         else:
-            mesh = HpMesh.from_solution(current).with_boundaries(seen.nodes_with(problem.breaks), most_nodes)
+            mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
         found, following, smooth_start = _next(problem, following, current, parameters, options)
         failures += int(not smooth_start)
@@ -333,7 +334,7 @@ def _next(
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     last = HpMesh.from_solution(current)
-    nodes = last.with_boundaries(following.structure.nodes_with(problem.breaks), len(current.grid))
+    nodes = last.with_boundaries(np.append(following.structure.boundaries, problem.breaks), len(current.grid))
     tries = (
         following,
         dataclasses.replace(following, smoothing=weight, every=True),

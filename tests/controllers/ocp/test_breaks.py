@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.breaks import table_knots
-from mathnavi.controllers.ocp.grid import exactly_on, on_breaks, uniform
+from mathnavi.controllers.ocp.grid import on_breaks, uniform
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
-from mathnavi.controllers.ocp.structure import Structure
+from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.interfaces.errors import ProblemError
+from mathnavi.interfaces.signals import Array
 
 KNOTS = np.array([0.0, 1.0, 2.5, 3.0, 4.0])
 TABLE = ca.interpolant("table", "linear", [KNOTS], np.array([0.0, 1.0, 0.0, 2.0, 3.0]))
@@ -94,32 +95,29 @@ def test_nodes_move_to_breaks_in_order() -> None:
     assert np.isin([0.19, 0.21, 0.97], grid.nodes).all()
     assert len(on_breaks(uniform(3), tuple(np.arange(1, 9) / 9.0))) == 10
     assert on_breaks(uniform(5), ()).nodes.tolist() == uniform(5).nodes.tolist()
-    near = exactly_on(uniform(5), (0.25 + 1e-13, 0.6))
-    assert near.nodes[1] == 0.25 + 1e-13
-    assert near.nodes[2] == 0.5
 
 
-def test_arcs_end_at_the_breaks_beside_a_switch_and_those_stay() -> None:
-    held = np.array([[1], [-1], [1]])
-    own = Structure(np.array([0.3, 0.5 + 1e-9]), held, np.empty(0))
-    found, stay = own.pinned((0.1, 0.2, 0.4, 0.5, 0.6))
-    np.testing.assert_allclose(found.boundaries, [0.2, 0.3, 0.4, 0.5])
-    np.testing.assert_array_equal(found.held[:, 0], [1, 1, -1, -1, 1])
-    assert stay == ((1, 0.2), (3, 0.4), (4, 0.5))
-    assert own.pinned(()) == (own, ())
-    np.testing.assert_allclose(own.nodes_with((0.1, 0.5)), [0.1, 0.3, 0.5])
+def test_controls_of_a_table_enter_linearly() -> None:
+    ocp = storage(np.array([4.0, 1.0, 3.0, 6.0, 2.0]))
+    assert linear_controls(ocp.functions()).all()
 
 
-def test_a_switch_finds_its_place_between_the_knots_of_a_price() -> None:
-    price = ca.interpolant("price", "linear", [np.arange(5.0)], np.array([4.0, 1.0, 3.0, 6.0, 2.0]))
+def storage(prices: Array) -> OptimalControlProblem:
+    """Energy E' = P, |P| <= 1, bought at a price that is straight between its hours; as much at the end."""
+    hours = len(prices) - 1.0
+    price = ca.interpolant("price", "linear", [np.arange(hours + 1.0)], prices)
     ocp = OptimalControlProblem("storage")
     E, P = ocp.state("E", guess=1.0), ocp.control("P", lower=-1.0, upper=1.0)
-    ocp.duration(4.0)
+    ocp.duration(hours)
     ocp.minimise(running=price(ocp.t) * P)
     ocp.dynamics(E, P)
     ocp.start(E, 1.0)
     ocp.end(E, 1.0)
-    found = ocp.solve()
+    return ocp
+
+
+def test_a_switch_finds_its_place_between_the_knots_of_a_price() -> None:
+    found = storage(np.array([4.0, 1.0, 3.0, 6.0, 2.0])).solve()
     # Bought for two hours in all, where the price is below p: on parts of three hours, and in the second.
     p = 34.0 / 11.0
     parts = 1.0 - (4.0 - p) / 3.0, (p - 3.0) / 3.0, (p - 2.0) / 4.0  # [h]
@@ -127,3 +125,15 @@ def test_a_switch_finds_its_place_between_the_knots_of_a_price() -> None:
     bought = parts[0] * (1.0 + p) / 2.0 + 2.0 + parts[1] * (3.0 + p) / 2.0 + parts[2] * (2.0 + p) / 2.0
     assert found.ok
     assert found.cost == pytest.approx(2.0 * bought - 13.0, abs=1e-5)  # all of it at its price is 13
+
+
+def test_a_day_of_prices_is_solved_to_the_tolerance() -> None:
+    """The least J sells above a price and buys below it, half of the time each: a level set of the table."""
+    hours = np.arange(25.0)
+    prices = 50.0 + 30.0 * np.sin(0.25 * (hours - 9.0)) + 9.0 * np.cos(2.0 * hours)
+    found = storage(prices).solve()
+    fine = np.interp(np.linspace(0.0, 24.0, 2_400_001), hours, prices)
+    least = -np.abs(fine - np.median(fine)).mean() * 24.0
+    assert found.ok
+    assert found.cost == pytest.approx(least, rel=1e-6)
+    assert np.abs(found.t[:, None] - hours).min(axis=0).max() < 1e-9

@@ -409,6 +409,7 @@ class OptimalControlProblem:
         options: Options | None = None,
         scheme: Scheme | str | None = None,
         breaks: Sequence[float] = (),
+        replay: bool = True,
     ) -> Solution:
         """Solve the problem by collocation and replay the solution through its own dynamics.
 
@@ -437,6 +438,8 @@ class OptimalControlProblem:
             breaks: times [s] since the start, inside of a fixed duration, at which a node is placed: where a function
                 jumps or has a kink. Those of linear tables of the time, of comparisons with it, and of ``at()`` are
                 known.
+            replay: False, for a number of nodes that is given, returns the solution of the programme as it is, in a
+                loop that has no time for more: its status is at best CONVERGED.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
@@ -460,6 +463,7 @@ class OptimalControlProblem:
             tolerance=tolerance,
             options=options,
             scheme=scheme,
+            replay=replay,
         )
 
     def _with_breaks(self, breaks: Sequence[float], method: str) -> ProblemFunctions:

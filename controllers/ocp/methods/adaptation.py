@@ -54,6 +54,7 @@ def solve(
     parameters: Array | None = None,
     options: Options = DEFAULT,
     tolerance: float = GIVEN_NODES,
+    replay: bool = True,
 ) -> Solution:
     """Solve a problem on one grid and replay the solution.
 
@@ -65,6 +66,7 @@ def solve(
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         options: solver and its own tolerance.
         tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL.
+        replay: False for a solution that is not replayed, and at best CONVERGED.
 
     Returns:
         The solution with its replay; failure is in its status, CONVERGED where N nodes are too few for the tolerance.
@@ -75,7 +77,8 @@ def solve(
     check_problem(problem)
     grid = nodes if isinstance(nodes, Grid) else on_breaks(uniform(nodes), problem.breaks)
     made = transcription(problem, scheme, len(grid), FIXED, options)
-    return replayed(made.solve(guess, grid, parameters), tolerance)
+    found = made.solve(guess, grid, parameters)
+    return replayed(found, tolerance) if replay else found
 
 
 WORSE = 3.0

@@ -139,6 +139,7 @@ def solve_by(
     tolerance: float | None = None,
     options: Options | None = None,
     scheme: Scheme | str | None = None,
+    replay: bool = True,
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
 
@@ -155,13 +156,14 @@ def solve_by(
         options: solver and its own tolerance; None for the method's own.
         scheme: transcription of an interval, or its name in ``SCHEMES``, with which ``auto`` is ``direct``; None for
             the method's own, or multiple shooting for FATROP.
+        replay: False for one solve on a given number of nodes that is not replayed, and at best CONVERGED.
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused.
 
     Raises:
         ProblemError: for fewer than two nodes, or than the problem's break times need, an unknown method, scheme or
-            monitor, a scheme for a method that takes none, a monitor for a method that takes none,
+            monitor, a scheme for a method that takes none, no replay for one that needs it, a monitor for a method that takes none,
             and for a monitor without a measure where the nodes are unknowns.
     """
     check_problem(problem)
@@ -175,6 +177,13 @@ def solve_by(
     chosen_by_name = chosen_scheme(scheme, method, options)
     if chosen_by_name is not None:
         given["scheme"], method = chosen_by_name, "direct" if method == "auto" else method
+    if not replay:
+        if nodes is None or method not in ("auto", "direct") or monitor is not None:
+            raise ProblemError(
+                f"replay = False with nodes = {nodes}, method = {method!r}; allowed: a number of nodes, and method = "
+                "'auto' or 'direct': the others decide by the replay"
+            )
+        return solve(problem, nodes, replay=False, **given)
     if method in ("auto", "hp") and monitor is None:
         if method == "auto":
             return automatic(problem, nodes, tolerance=tolerance, **given)

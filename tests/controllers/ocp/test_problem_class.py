@@ -14,6 +14,7 @@ from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
@@ -414,3 +415,22 @@ def test_fatrop_is_chosen_with_the_scheme_that_it_needs() -> None:
     assert found.scheme.name == "multiple shooting"
     assert found.cost == pytest.approx(ocp.solve(21, scheme="multiple shooting").cost, abs=1e-6)
     assert ocp.solve(21, scheme="Gauss-Legendre", method="redistribute").scheme.name == "Gauss-Legendre of order 6"
+
+
+def test_a_solve_without_a_replay_is_at_best_converged() -> None:
+    ocp = OptimalControlProblem("pushed")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, ocp.parameter("x0", 0.0))
+    ocp.end(x, 1.0)
+    full, plain = ocp.solve(5), ocp.solve(5, replay=False)
+    assert full.status is SolverOutcome.OPTIMAL
+    assert plain.status is SolverOutcome.CONVERGED
+    assert plain.replay is None
+    assert not plain.ok
+    np.testing.assert_array_equal(plain.x, full.x)
+    for how in ({}, {"nodes": 5, "method": "refine"}):
+        with pytest.raises(ProblemError, match=r"replay = False with nodes = .*; allowed: a number of nodes"):
+            ocp.solve(replay=False, **how)

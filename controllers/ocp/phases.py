@@ -166,7 +166,16 @@ def _multipliers(
         initial=NamedValues(own_names(problem.initial_names, "start of "), whole.initial.values[initial]),
         final=NamedValues(own_names(problem.final_names, "end of "), whole.final.values[final]),
         duration=of_duration,
+        instants=_at_instants(whole.instants, name, problem),
     )
+
+
+def _at_instants(whole: NamedValues | None, name: str, problem: ProblemFunctions) -> NamedValues | None:
+    """Multipliers of what a phase states at given times, of those of all phases."""
+    if whole is None or problem.instants is None:
+        return None
+    own = [k for k, row in enumerate(whole.names) if row.startswith(f"{name}: ")]
+    return NamedValues(distinct(problem.instants.names), whole.values[own])
 
 
 class MultiPhaseProblem:

@@ -163,8 +163,8 @@ def solve_by(
 
     Raises:
         ProblemError: for fewer than two nodes, or than the problem's break times need, an unknown method, scheme or
-            monitor, a scheme for a method that takes none, no replay for one that needs it, a monitor for a method that takes none,
-            and for a monitor without a measure where the nodes are unknowns.
+            monitor, a scheme or a monitor for a method that takes none, no replay for one that needs it, and for a
+            monitor without a measure where the nodes are unknowns.
     """
     check_problem(problem)
     if nodes is not None:

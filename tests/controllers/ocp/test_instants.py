@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
+from mathnavi.controllers.ocp.pontryagin import check_pontryagin
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.saved_solution import load_solution
@@ -116,6 +117,22 @@ def test_a_phase_counts_from_its_own_start_and_shares_what_is_unknown() -> None:
     assert found.cost == pytest.approx(rest, abs=1e-7)
     assert found.unknowns["k"] == pytest.approx(k_best, abs=1e-6)
     assert found["a"].cost + found["b"].cost == pytest.approx(found.cost, abs=1e-9)
+
+
+@pytest.mark.parametrize("nodes", [None, 60])
+def test_pontryagins_conditions_hold_with_the_jumps_of_the_costate(nodes: int | None) -> None:
+    found = decay().solve(nodes)
+    assert check_pontryagin(found).holds
+    found = via().solve(nodes)
+    checked = check_pontryagin(found)
+    assert checked.holds
+    assert not checked.not_judged
+    # λ_x is constant on either side, and what J costs per metre of the point is its fall.
+    node, multiplier = int(found.instant_nodes[0]), found.multipliers.instants
+    assert multiplier is not None
+    assert found.costates[node - 1, 0] - found.costates[node, 0] == pytest.approx(multiplier["via at 0.7 s"])
+    more, less = (via(1.0 + shift).solve(nodes).cost for shift in (1e-3, -1e-3))
+    assert (more - less) / 2e-3 == pytest.approx(-multiplier["via at 0.7 s"], rel=1e-6)
 
 
 def test_a_saved_solution_has_what_was_stated_at_a_time(tmp_path: Path) -> None:

@@ -90,10 +90,15 @@ def numbers_of(where: str, value: Any, size: int) -> list[float]:
     return [number(where, each) for each in values]
 
 
-def kinks(made: ca.SX) -> list[str]:
-    """The functions in an expression that have a kink: fabs, fmin and fmax."""
+def kinks(made: ca.SX, times: ca.SX) -> list[str]:
+    """The functions in an expression that have a kink, fabs, fmin and fmax, of more than the ``times`` (k,)."""
     function = ca.Function("e", ca.symvar(made), [made])
-    found = {function.instruction_id(k) for k in range(function.n_instructions())}
+    codes = [function.instruction_id(k) for k in range(function.n_instructions())]
+    if not set(_KINKS.values()) & set(codes):
+        return []
+    known = {each.element_hash() for each in ca.symvar(times)}
+    steps = zip(codes, ca.vertsplit(function.instructions_sx()), strict=True)
+    found = {code for code, step in steps if {each.element_hash() for each in ca.symvar(step)} - known}
     return [name for name, code in _KINKS.items() if code in found]
 
 

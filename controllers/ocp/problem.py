@@ -511,6 +511,10 @@ class OptimalControlProblem:
             others = [row for row in stated if row.name not in pinned]
             rows += [(name, f"= {value}", "") for name, value in pinned.items()]
             rows += limit_rows("", [(row.name, row.lower, row.upper) for row in others])
+        at_times = [
+            (f"{row.name} at {each.time:g} s", row.lower, row.upper) for each in s.instants for row in each.rows
+        ]
+        rows += limit_rows("", at_times)
         rows += limit_rows("parameter", [(each.name, each.nominal, each.nominal) for each in s.parameters])
         if s.duration is not None:
             rows.append(duration_row(s.duration.lower, s.duration.upper))

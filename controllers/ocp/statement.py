@@ -177,7 +177,7 @@ class Statement:
             if value.numel() != 1:
                 raise ProblemError(f"{self.name}: the {what} cost has shape {value.shape}; allowed: one")
             check_symbols(f"{self.name}: the {what} cost", value, ca.vertcat(*known))
-            if bent := kinks(value):
+            if bent := kinks(value, ca.vertcat(self.t, self.elapsed)):
                 warnings.warn(
                     f"{self.name}: the {what} cost has a kink ({', '.join(bent)}), where a solver may stop early; "
                     "absolute() and largest() split it",

@@ -137,3 +137,13 @@ def test_a_day_of_prices_is_solved_to_the_tolerance() -> None:
     assert found.ok
     assert found.cost == pytest.approx(least, rel=1e-6)
     assert np.abs(found.t[:, None] - hours).min(axis=0).max() < 1e-9
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_kink_of_the_time_alone_is_no_warning() -> None:
+    ocp = OptimalControlProblem("priced")
+    u = ocp.control("u")
+    ocp.minimise(running=u**2 * ca.fabs(ocp.t - 1.0))
+    bent = OptimalControlProblem("bent")
+    with pytest.raises(UserWarning, match=r"the running cost has a kink \(fabs\)"):
+        bent.minimise(running=ca.fabs(bent.t - bent.control("u")))

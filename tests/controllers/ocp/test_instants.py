@@ -13,6 +13,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from mathnavi.controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp.indirect import solve_indirect
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.pontryagin import check_pontryagin
@@ -139,7 +140,8 @@ def test_a_saved_solution_has_what_was_stated_at_a_time(tmp_path: Path) -> None:
     solution = via().solve(5)
     kept = load_solution(solution.save(tmp_path / "via.npz"))
     assert kept.problem.breaks == solution.problem.breaks == (0.35,)
-    assert "via at 0.7 s = 1" in " ".join(repr(kept.problem).split())
+    for shown in (via(), kept.problem):
+        assert "via at 0.7 s = 1" in " ".join(repr(shown).split())
     again = replayed(kept)
     assert again.replay is not None
     assert solution.replay is not None
@@ -162,6 +164,7 @@ def test_what_cannot_hold_at_a_time_is_named() -> None:
         (lambda ocp, x, u: ocp.at(1.0).minimise(ca.SX.sym("z")), "at 1 s: cost depends on z, which is not among"),
         (lambda ocp, x, u: ocp.at(1.0).minimise(ca.vertcat(x, x)), "at 1 s: cost of shape (2, 1); allowed: one"),
         (lambda ocp, x, u: [ocp.at(2.5).minimise(x), ocp.solve(5)], "via: at(2.5); allowed: 0 to 2 s, the duration"),
+        (lambda ocp, x, u: solve_indirect(ocp.solve(5)), "via: at() makes costates jump; allowed: problems without"),
         (lambda ocp, x, u: ocp.solve(2), "via: nodes = 2; allowed: at least 3, one at each of the 1 times of at()"),
         (lambda ocp, x, u: ocp.solve(9, method="distribute"), "via: at() with nodes that are unknowns; allowed"),
         (lambda ocp, x, u: solve(ocp.functions(), Grid(np.array([0.0, 0.5, 1.0]))), "grid: no node at 0.7 s, where"),

@@ -61,6 +61,38 @@ def test_readings_at_given_times_are_fitted(nodes: int | None) -> None:
     assert found.replay.cost == pytest.approx(found.cost, abs=1e-7)
 
 
+def test_pinene_is_fitted_without_a_phase_for_each_reading() -> None:
+    """COPS 3, α-pinene: the isomerisation's five rates from five concentrations [%] at eight times [min]."""
+    times = [1230.0, 3060.0, 4920.0, 7800.0, 10680.0, 15030.0, 22620.0, 36420.0]
+    readings = np.array(
+        [
+            [88.35, 7.3, 2.3, 0.4, 1.75], [76.4, 15.6, 4.5, 0.7, 2.8], [65.1, 23.1, 5.3, 1.1, 5.8],
+            [50.4, 32.9, 6.0, 1.5, 9.3], [37.5, 42.7, 6.0, 1.9, 12.0], [25.9, 49.1, 5.9, 2.2, 17.0],
+            [14.0, 57.4, 5.1, 2.6, 21.0], [4.5, 63.1, 3.8, 2.9, 25.7],
+        ]
+    )  # fmt: skip
+    ocp = OptimalControlProblem("pinene")
+    y, k = ocp.state("y", 5, scale=100.0), ocp.unknown("k", 5, lower=0.0, scale=1e-4, guess=5e-5)
+    ocp.duration(times[-1])
+    ocp.dynamics(
+        y,
+        ca.vertcat(
+            -(k[0] + k[1]) * y[0],
+            k[0] * y[0],
+            k[1] * y[0] - (k[2] + k[3]) * y[2] + k[4] * y[4],
+            k[2] * y[2],
+            k[3] * y[2] - k[4] * y[4],
+        ),
+    )
+    ocp.start(y, [100.0, 0.0, 0.0, 0.0, 0.0])
+    ocp.guess(y, np.vstack([[100.0, 0.0, 0.0, 0.0, 0.0], readings]), times=[0.0, *times])
+    for time, reading in zip(times, readings, strict=True):
+        ocp.at(time).minimise(ca.sumsqr(y - reading))
+    found = ocp.solve()
+    assert found.ok
+    assert found.cost == pytest.approx(19.872166923, rel=1e-7)
+
+
 def via(state: float = 1.0) -> OptimalControlProblem:
     """From rest at 0 to rest at 0 in 2 s, through x(0.7) = ``state``."""
     ocp = OptimalControlProblem("via")

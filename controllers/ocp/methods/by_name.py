@@ -176,7 +176,8 @@ def solve_by(
         given["options"] = options
     chosen_by_name = chosen_scheme(scheme, method, options)
     if chosen_by_name is not None:
-        given["scheme"], method = chosen_by_name, "direct" if method == "auto" else method
+        given["scheme"] = chosen_by_name
+        method = "direct" if method == "auto" else method
     if not replay:
         if nodes is None or method not in ("auto", "direct") or monitor is not None:
             raise ProblemError(

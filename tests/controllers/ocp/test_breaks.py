@@ -86,7 +86,7 @@ def test_break_times_that_are_given_have_nodes() -> None:
         ({"breaks": [1.0], "method": "distribute"}, "breaks with method = 'distribute', whose nodes are unknowns"),
     ):
         with pytest.raises(ProblemError, match=re.escape(named)):
-            ocp.solve(9, **wrong)
+            ocp.solve(9, **wrong)  # type: ignore[arg-type]
 
 
 def test_nodes_move_to_breaks_in_order() -> None:

@@ -179,7 +179,7 @@ def _operation(element: ca.SX) -> int | None:
     return None if element.is_leaf() else int(element.op())
 
 
-def _text(element: ca.SX) -> str:
+def _text(element: ca.SX | ca.MX) -> str:
     text = str(element).replace("\n", " ")
     return text if len(text) <= 60 else f"{text[:57]}..."
 

@@ -310,7 +310,8 @@ class Statement:
     @property
     def names(self) -> list[str]:
         """Names of the states, controls, parameters and constants of all phases."""
-        return [*self.variable_names, *(each.name for each in (*self.parameters, *self.shared))]
+        parameters = (each.name for each in self.parameters)
+        return [*self.variable_names, *parameters, *(v.name for v in self.shared)]
 
 
 def limits(rows: list[Row]) -> Interval:

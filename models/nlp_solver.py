@@ -33,9 +33,11 @@ class SolverOutcome(Enum):
 
     OPTIMAL = "a local optimum, within the tolerance when it is replayed"
     CONVERGED = "the programme is solved, but not shown to be accurate"
+    STATIONARY = "the first-order conditions hold, but not what a minimum needs beyond them"
     REFUSED = "the adaptive solution replays worse than the uniform one, which is returned in its place"
     UNBOUNDED = "nothing that was stated bounds the solution"
-    INFEASIBLE = "the solver found no feasible point"
+    INFEASIBLE = "no point is feasible, which is proved"
+    NO_FEASIBLE_POINT = "no feasible point was found from any start, which proves nothing"
     OVERDETERMINED = "there are more equations than unknowns"
     LIMIT = "the solver stopped at its limit of iterations or of time"
     NOT_FINITE = "the problem or its guess holds NaN or infinity"

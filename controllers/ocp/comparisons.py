@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.expressions import check_symbols, expression, number, scalars
+from mathnavi.controllers.ocp.expressions import check_symbols, expression, number, refuse_mx, scalars
 from mathnavi.interfaces.errors import ProblemError
 
 _ONE_SIDED = (ca.OP_LE, ca.OP_LT)
@@ -84,11 +84,11 @@ def rows(where: str, constraint: Any, lower: Any, upper: Any, name: str, *, know
     return made
 
 
-def zero_limits(constraint: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
-    """Limits of a constraint at one end: 0 for a missing one of an expression; a comparison gets none."""
-    if lower is None and upper is None and _is_comparison(constraint):
-        return None, None
-    return 0.0 if lower is None else lower, 0.0 if upper is None else upper
+def end_limits(constraint: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
+    """Limits of a constraint at one end: as given, and those of an equation for an expression without any."""
+    if lower is not None or upper is not None or _is_comparison(constraint):
+        return lower, upper
+    return 0.0, 0.0
 
 
 def _is_comparison(constraint: Any) -> bool:
@@ -179,7 +179,7 @@ def _operation(element: ca.SX) -> int | None:
     return None if element.is_leaf() else int(element.op())
 
 
-def _text(element: ca.SX) -> str:
+def _text(element: ca.SX | ca.MX) -> str:
     text = str(element).replace("\n", " ")
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -209,5 +209,21 @@ def _refuse(comparison: Any) -> NoReturn:
     ) from None
 
 
+def _unmixed(kind: type, operator: str) -> None:
+    """Make an operator on an SX and an MX fail with a message that names both; it is unchanged for all else."""
+    original = getattr(kind, operator)
+
+    @wraps(original)
+    def applied(self: Any, other: Any) -> Any:
+        result = original(self, other)
+        if result is NotImplemented and isinstance(other, (ca.SX, ca.MX)):
+            refuse_mx(_text(self if kind is ca.SX else other), _text(other if kind is ca.SX else self))
+        return result
+
+    setattr(kind, operator, applied)
+
+
 for _kind in (ca.SX, ca.MX):
     _explained(_kind)
+    for _operator in ("add", "sub", "mul", "truediv", "pow", "matmul", "lt", "le", "eq", "ne", "ge", "gt"):
+        _unmixed(_kind, f"__{_operator}__")

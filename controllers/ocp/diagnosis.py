@@ -247,6 +247,8 @@ def _row_labels(nlp: Programme) -> list[str]:
     label(nlp.initial_rows, _at("start", _limited(problem.initial_names, *problem.initial_bounds)))
     ends = _at("end", _limited(problem.final_names, *problem.final_bounds))
     label(nlp.final_rows, ends + (path if len(nlp.final_rows) == len(ends) + nd else []))
+    if problem.instants is not None:
+        label(nlp.instant_rows, _limited(problem.instants.names, *problem.instants.bounds))
     return labels
 
 

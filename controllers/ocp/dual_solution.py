@@ -87,6 +87,9 @@ def multipliers_of(nlp: Programme, answer: Answer) -> Multipliers:
         initial=NamedValues(own_names(problem.initial_names, "start of "), answer.rows[nlp.initial_rows]),
         final=NamedValues(own_names(problem.final_names, "end of "), answer.rows[nlp.final_rows[:ns]]),
         duration=_of_duration(nlp, z, answer.rows),
+        instants=None
+        if problem.instants is None
+        else NamedValues(distinct(problem.instants.names), answer.rows[nlp.instant_rows]),
     )
 
 

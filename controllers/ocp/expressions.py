@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NoReturn
 
 import casadi as ca
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from mathnavi.interfaces.errors import ProblemError
 
 _KINKS = {"fabs": ca.OP_FABS, "fmin": ca.OP_FMIN, "fmax": ca.OP_FMAX}
+_CALLED = "allowed: SX expressions, and a casadi.Function of MX that is called with the problem's symbols"
 
 
 def expression(where: str, value: Any) -> ca.SX:
@@ -20,11 +21,8 @@ def expression(where: str, value: Any) -> ca.SX:
 
     Refused are texts, mappings, MX expressions, and constants that are NaN.
     """
-    if isinstance(value, ca.MX):
-        raise ProblemError(
-            f"{where} = {value}, an MX expression; allowed: SX expressions, and a casadi.Function of MX that is called "
-            "with the problem's symbols"
-        )
+    if (foreign := _mx_in(value)) is not None:
+        raise ProblemError(f"{where} = {foreign}, an MX expression; {_CALLED}")
     made = _converted(value)
     if made is None:
         raise ProblemError(f"{where} = {value!r:.80}; allowed: an SX expression, a number or a sequence of these")
@@ -34,6 +32,20 @@ def expression(where: str, value: Any) -> ca.SX:
             "casadi.sin(x) is not"
         )
     return made
+
+
+def refuse_mx(own: str, foreign: str) -> NoReturn:
+    """Raise ProblemError for an operation on an SX expression ``own`` and an MX expression ``foreign``."""
+    raise ProblemError(f"{own} is an SX expression and {foreign} an MX one, which do not mix; {_CALLED}")
+
+
+def _mx_in(value: Any) -> ca.MX | None:
+    """An MX expression that a value is, or contains; None if there is none."""
+    if isinstance(value, ca.MX):
+        return value
+    if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.dtype == object):
+        return next((found for each in value if (found := _mx_in(each)) is not None), None)
+    return None
 
 
 def scalars(column: ca.SX) -> list[ca.SX]:
@@ -78,10 +90,15 @@ def numbers_of(where: str, value: Any, size: int) -> list[float]:
     return [number(where, each) for each in values]
 
 
-def kinks(made: ca.SX) -> list[str]:
-    """The functions in an expression that have a kink: fabs, fmin and fmax."""
+def kinks(made: ca.SX, times: ca.SX) -> list[str]:
+    """The functions in an expression that have a kink, fabs, fmin and fmax, of more than the ``times`` (k,)."""
     function = ca.Function("e", ca.symvar(made), [made])
-    found = {function.instruction_id(k) for k in range(function.n_instructions())}
+    codes = [function.instruction_id(k) for k in range(function.n_instructions())]
+    if not set(_KINKS.values()) & set(codes):
+        return []
+    known = {each.element_hash() for each in ca.symvar(times)}
+    steps = zip(codes, ca.vertsplit(function.instructions_sx()), strict=True)
+    found = {code for code, step in steps if {each.element_hash() for each in ca.symvar(step)} - known}
     return [name for name, code in _KINKS.items() if code in found]
 
 

@@ -106,6 +106,34 @@ def split(grid: Grid, parts: Sequence[int]) -> Grid:
     return Grid(np.concatenate([*pieces, [1.0]]))
 
 
+def on_breaks(grid: Grid, breaks: Sequence[float]) -> Grid:
+    """The grid with a node at each break (k,) of ]0, 1[: the nearest nodes are moved there, the others go with them.
+
+    It has as many nodes as before, or k + 2 where these are more.
+    """
+    if not len(breaks):
+        return grid
+    at = np.array(breaks)
+    nodes = grid.nodes if len(grid) >= len(at) + 2 else np.linspace(0.0, 1.0, len(at) + 2)
+    nearest = np.searchsorted(0.5 * (nodes[1:] + nodes[:-1]), at)
+    order = np.arange(len(at))
+    # Each takes a node of its own, and leaves enough for those before and after it.
+    moved = np.maximum.accumulate(np.maximum(nearest, 1 + order) - order) + order
+    moved = np.minimum(moved, len(nodes) - 1 - len(at) + order)
+    placed = np.interp(nodes, [0.0, *nodes[moved], 1.0], [0.0, *at, 1.0])
+    placed[moved] = at
+    return Grid(placed)
+
+
+def check_breaks(name: str, n: int, breaks: Sequence[float]) -> None:
+    """Raise ProblemError, with the problem's ``name``, where n nodes are too few for a node at each break."""
+    if n < len(breaks) + 2:
+        raise ProblemError(
+            f"{name}: nodes = {n}; allowed: at least {len(breaks) + 2}, one at each of the {len(breaks)} times of "
+            "at(), of tables, and of breaks, and at both ends"
+        )
+
+
 def check_nodes(n: int, name: str = "nodes") -> int:
     """The number of nodes n as an int; ProblemError, with the argument's name, unless it is a whole number >= 2."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 2:

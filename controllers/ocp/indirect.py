@@ -66,6 +66,8 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
         raise ProblemError(f"solution = {first_line(solution)}; allowed: a direct Solution")
     if not solution.solved:
         raise ProblemError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")
+    if solution.problem.instants is not None:
+        raise ProblemError(f"{solution.problem.name}: at() makes costates jump; allowed: problems without")
     _check_covered(solution)
     problem, p = solution.problem, solution.parameters
     nx, scale, u_scale = problem.nx, problem.state_scale, problem.control_scale

@@ -9,11 +9,14 @@ from collections.abc import Iterable
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.breaks import break_fractions
 from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.expressions import check_symbols, column
 from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulated
+from mathnavi.controllers.ocp.instants import instant_functions
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
+from mathnavi.controllers.ocp.substitutions import since_start, with_duration
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 
@@ -42,7 +45,7 @@ def functions_of(statement: Statement) -> ProblemFunctions:
     if statement.duration is None:
         raise ProblemError(f"{name}: no duration is given; allowed: duration() or free_duration()")
     _check_equations(statement)
-    s = since_start(statement)
+    s = with_duration(since_start(statement))
     rates = ca.vertcat(*(s.rates[v.name] for v in s.states))
     guess = guesses_of(s)
     return ProblemFunctions(
@@ -72,6 +75,8 @@ def functions_of(statement: Statement) -> ProblemFunctions:
         guess_states=guess.states,
         guess_controls=guess.controls,
         guess_duration=statement.duration.guess,
+        breaks=break_fractions(s),
+        instants=instant_functions(s),
     )
 
 
@@ -154,24 +159,6 @@ def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Ar
 
 def _nominal(statement: Statement) -> Array:
     return np.array([each.nominal for each in statement.parameters], float)
-
-
-def since_start(statement: Statement) -> Statement:
-    """The statement with its time counted from the start."""
-    if statement.start_time.is_zero():
-        return statement
-    shifted = statement.start_time + statement.t
-
-    def moved(made: ca.SX) -> ca.SX:
-        return ca.substitute(made, statement.t, shifted)
-
-    return dataclasses.replace(
-        statement,
-        start_time=ca.SX(0),
-        rates={name: moved(rate) for name, rate in statement.rates.items()},
-        running=moved(statement.running),
-        path=[dataclasses.replace(row, expression=moved(row.expression)) for row in statement.path],
-    )
 
 
 def _check_equations(statement: Statement) -> None:

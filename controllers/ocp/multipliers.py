@@ -2,7 +2,7 @@
 
 With the Lagrangian of the continuous problem
 
-    J + ∫ λ'(f - x') + μ'd(x, u, t) + μ_x'x + μ_u'u dt + ν_0'i(x(0)) + ν's(x(T), T) + κ T
+    J + ∫ λ'(f - x') + μ'd(x, u, t) + μ_x'x + μ_u'u dt + ν_0'i(x(0)) + ν's(x(T), T) + κ T + Σ_k ν_k'c_k(x(t_k))
 
 a multiplier is positive where an upper limit is active, negative where a lower one is, and zero where neither is.
 A limit that is raised by δ changes the least J by -δ times its multiplier (along the path: times its integral).
@@ -75,6 +75,7 @@ class Multipliers:
     initial: NamedValues  # (ni,) ν_0 of the conditions at the start
     final: NamedValues  # (ns,) ν of the conditions at the end
     duration: float  # κ of the bounds of T, 0 where T is fixed
+    instants: NamedValues | None = None  # (nc,) of the constraints at given times; None where nothing is stated there
 
     def __repr__(self) -> str:
         """A short table: every multiplier with its value, or the range of its values."""
@@ -85,7 +86,7 @@ class Multipliers:
             "bound ": self.controls,
             "start": self.initial,
             "end": self.final,
-        }
+        } | ({} if self.instants is None else {"at": self.instants})
         rows = [
             (f"{kind.strip()} {name}", _range_text(all_[name]), "") for kind, all_ in kinds.items() for name in all_
         ]

@@ -61,6 +61,7 @@ class Programme:
     held_rows: Integers  # (N - 1, ·) rows of what holds along each interval, path constraints first; -1 if missing
     initial_rows: Integers  # (ni,) rows of the start
     final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
+    instant_rows: Integers  # (nc,) rows of what is stated at given times
     functional: ca.MX | None  # () Σ I_i(x, p), the distribution's share of f; None where it has none
 
     @property
@@ -70,12 +71,18 @@ class Programme:
 
 
 def programme(
-    problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int, arcs: int = 1
+    problem: ProblemFunctions,
+    scheme: Scheme,
+    distribution: NodeDistribution,
+    nodes: int,
+    arcs: int = 1,
+    instant_nodes: tuple[int, ...] = (),
 ) -> Programme:
     """Build the nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution, in ``arcs`` arcs.
 
     Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
     ProblemError where there are too few nodes for the distribution, and for several arcs of nodes that are unknowns.
+    What is stated at given times holds at ``instant_nodes``, whose indices are those of the nodes.
     """
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
@@ -87,7 +94,7 @@ def programme(
     smoothing = ca.MX.sym("rho", layout.smoothed, count)
     pointwise = isinstance(scheme, COLLOCATIONS) and isinstance(distribution, Fixed)
     interval = None if pointwise else _interval(layout, distribution)
-    start, end = _start(layout), _end(layout)
+    start, end, instants = _start(layout), _end(layout), _instants(layout)
     between = 0 if interval is None else interval.between
     own_limits = _interval_limits(layout, distribution, layout.own_points + between)
     kept = _own_rows(layout, len(own_limits[0]))
@@ -100,9 +107,16 @@ def programme(
     places[0, :nz] -= shift
     at_start, at_end = nz + np.arange(shift)[None, :], places.max() + 1 + np.arange(len(end.lower))[None, :]
     lower, upper = (
-        np.concatenate([each[:nz], first, np.tile(each, (count, 1))[kept][nz:], last])
-        for first, each, last in zip((start.lower, start.upper), own_limits, (end.lower, end.upper), strict=True)
+        np.concatenate([each[:nz], first, np.tile(each, (count, 1))[kept][nz:], last, at])
+        for first, each, last, at in zip(
+            (start.lower, start.upper),
+            own_limits,
+            (end.lower, end.upper),
+            (instants.lower, instants.upper),
+            strict=True,
+        )
     )
+    at_instants = at_end.max(initial=places.max()) + 1 + np.arange(len(instants.lower))[None, :]
     p = ca.vertcat(parameters, *(ca.vec(each) for each in (*places_known, smoothing)))
     functional = None
     if interval is None:
@@ -126,6 +140,9 @@ def programme(
         *blocks,
         Block(end.stage, layout.state_columns[-1:, :1] + np.arange(end.stage.v.numel()), at_end, parameters),
     ]
+    if instant_nodes:
+        columns = layout.state_columns[list(instant_nodes), : problem.nx].reshape(1, -1)
+        blocks.append(Block(instants.stage, columns, at_instants, parameters))
     x_lower, x_upper = _variable_bounds(layout, distribution)
     path_rows = [*(kept.sum(axis=1) - nz).tolist(), len(end.lower)]
     path_rows[0] += shift
@@ -144,6 +161,7 @@ def programme(
         held_rows=places[:, nz + scheme.interior * problem.nx :],
         initial_rows=at_start[0],
         final_rows=at_end[0],
+        instant_rows=at_instants[0],
         functional=functional,
     )
 
@@ -325,6 +343,17 @@ def _start(layout: ProgrammeLayout) -> _End:
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
     rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
     return _End(NlpStage(z, p, rows, ca.SX(0)), *problem.initial_bounds)
+
+
+def _instants(layout: ProgrammeLayout) -> _End:
+    """Rows and cost of what is stated at given times."""
+    problem, found = layout.problem, layout.problem.instants
+    p = ca.SX.sym("p", len(problem.parameters))
+    if found is None:
+        return _End(NlpStage(ca.SX(0, 1), p, ca.SX(0, 1), ca.SX(0)), np.empty(0), np.empty(0))
+    z = ca.SX.sym("z", len(found.fractions) * problem.nx)
+    X = z * ca.DM(np.tile(problem.state_scale, len(found.fractions)))
+    return _End(NlpStage(z, p, found.rows(X, p), found.cost(X, p)), *found.bounds)
 
 
 def _end(layout: ProgrammeLayout) -> _End:

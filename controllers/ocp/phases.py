@@ -26,13 +26,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.comparisons import Row, rows, zero_limits
+from mathnavi.controllers.ocp.comparisons import Row, end_limits, rows
 from mathnavi.controllers.ocp.defects import running_costs
 from mathnavi.controllers.ocp.diagnosis import unbounded
 from mathnavi.controllers.ocp.dual_solution import own_names
 from mathnavi.controllers.ocp.expressions import expression
 from mathnavi.controllers.ocp.guesses import Values
-from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
+from mathnavi.controllers.ocp.instants import check_instant, instant_cost
+from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
@@ -41,7 +42,9 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
-from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable
+from mathnavi.controllers.ocp.statement import Duration, Instant, Parameter, Statement, Variable
+from mathnavi.controllers.ocp.substitutions import guessed, since_start, solved
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.short_tables import short_table
@@ -55,6 +58,7 @@ class MultiPhaseSolution:
     stacked: Solution  # solution of all phases over τ in [0, 1], variables named phase.variable
     phases: dict[str, Solution]
     start_times: dict[str, float]  # [s] by phase
+    unknowns: dict[str, float] = dataclasses.field(default_factory=dict)  # constants that were found, by name
 
     @property
     def status(self) -> SolverOutcome:
@@ -90,6 +94,7 @@ class MultiPhaseSolution:
     def __repr__(self) -> str:
         """A short table: how it ended, what it costs, and when each phase begins and ends."""
         lines = [("J", f"{self.cost:.6g}", ""), ("iterations", str(self.stacked.iterations), "")]
+        lines += [(name, f"{value:.6g}", "") for name, value in self.unknowns.items()]
         for name, phase in self.phases.items():
             begin = self.start_times[name]
             lines.append((f"phase {name}", f"{begin:.6g} to {begin + phase.duration:.6g}", "s"))
@@ -111,7 +116,8 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
     start = ca.SX(elapsed) if phase.start_time.is_zero() else phase.start_time
     x = stacked.x[:, states]
     begin = float(ca.Function("t_0", [phase.x], [start])(x[0]))
-    problem = functions_of(dataclasses.replace(phase, start_time=start))
+    constants = [float(stacked[v.name][0]) for v in phase.shared]
+    problem = functions_of(solved(dataclasses.replace(phase, start_time=start), duration, constants))
     view = dataclasses.replace(
         stacked,
         problem=problem,
@@ -126,6 +132,8 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         replay=None,
     )
     cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
+    if problem.instants is not None:
+        cost += instant_cost(problem.instants, view.at_instants, view.parameters)
     tolerance = stacked.tolerance if math.isfinite(stacked.tolerance) else GIVEN_NODES
     return replayed(dataclasses.replace(view, cost=cost), tolerance), begin
 
@@ -158,7 +166,16 @@ def _multipliers(
         initial=NamedValues(own_names(problem.initial_names, "start of "), whole.initial.values[initial]),
         final=NamedValues(own_names(problem.final_names, "end of "), whole.final.values[final]),
         duration=of_duration,
+        instants=_at_instants(whole.instants, name, problem),
     )
+
+
+def _at_instants(whole: NamedValues | None, name: str, problem: ProblemFunctions) -> NamedValues | None:
+    """Multipliers of what a phase states at given times, of those of all phases."""
+    if whole is None or problem.instants is None:
+        return None
+    own = [k for k, row in enumerate(whole.names) if row.startswith(f"{name}: ")]
+    return NamedValues(distinct(problem.instants.names), whole.values[own])
 
 
 class MultiPhaseProblem:
@@ -173,6 +190,7 @@ class MultiPhaseProblem:
         self.name = name
         self._phases: dict[str, OptimalControlProblem] = {}
         self._parameters: list[Parameter] = []
+        self._unknowns: list[Variable] = []
         self._couplings: list[Row] = []
 
     def phase(self, name: str) -> OptimalControlProblem:
@@ -181,6 +199,7 @@ class MultiPhaseProblem:
             raise ProblemError(f"{self.name}: phase {name!r} is empty or taken; allowed: other than {[*self._phases]}")
         phase = OptimalControlProblem(name)
         phase.statement.parameters += self._parameters
+        phase.statement.shared += self._unknowns
         self._phases[name] = phase
         return phase
 
@@ -189,15 +208,37 @@ class MultiPhaseProblem:
 
         ProblemError for a name that is taken, in any phase, and a value that is not finite.
         """
-        for phase in self._phases.values():
-            phase.statement.check_name(name)
-        common = OptimalControlProblem(self.name)
-        common.statement.parameters = self._parameters
-        before = len(self._parameters)
-        symbol = common.parameter(name, nominal)
+        common, before = self._common(name), len(self._parameters)
+        symbol = common.declare_parameter(name, nominal)
         for phase in self._phases.values():
             phase.statement.parameters += self._parameters[before:]
         return symbol
+
+    def unknown(
+        self,
+        name: str,
+        size: int = 1,
+        *,
+        lower: Numbers = -math.inf,
+        upper: Numbers = math.inf,
+        scale: Numbers | None = None,
+        guess: Numbers = 0.0,
+    ) -> ca.SX:
+        """Declare a constant that is to be found and that all phases share, or a vector; returns its symbol.
+
+        Arguments and errors are those of ``OptimalControlProblem.unknown``; the name is taken in no phase.
+        """
+        common, before = self._common(name), len(self._unknowns)
+        symbol = common.declare("state", name, size, lower, upper, scale, guess)
+        for phase in self._phases.values():
+            phase.statement.shared += self._unknowns[before:]
+        return symbol
+
+    def _common(self, name: str) -> Statement:
+        """Statement of what all phases share; ProblemError for a name that is taken in one of them."""
+        for phase in self._phases.values():
+            phase.statement.check_name(name)
+        return Statement(self.name, parameters=self._parameters, states=self._unknowns)
 
     def link(
         self, before: OptimalControlProblem, after: OptimalControlProblem, *, jumps: Mapping[str, Any] | None = None
@@ -217,18 +258,23 @@ class MultiPhaseProblem:
         self._check_own(before, after)
         jumps = dict(jumps or {})
         own = {v.name: v.symbol for v in before.statement.states}
-        left_alone = after.statement.starts
-        shared = [
-            v
-            for v in after.statement.states
-            if v.name in own and v.name not in left_alone and not v.name.endswith("(0)")
-        ]
-        names = [v.name for v in shared]
+        common = [v for v in after.statement.states if v.name in own and not v.name.endswith("(0)")]
+        shared = [v for v in common if v.name not in after.statement.starts]
+        names = ", ".join(v.name for v in shared)
         where = f"{self.name}: {before.name} to {after.name}"
-        if not names:
+        if not common:
             raise ProblemError(f"{where}: no state in common; allowed: phases with states of the same name")
-        if strangers := [str(name) for name in jumps if name not in names]:
-            raise ProblemError(f"{where}: jump of {', '.join(strangers)}; allowed: {', '.join(names)}")
+        if not shared:
+            raise ProblemError(
+                f"{where}: {', '.join(v.name for v in common)} of {after.name}: each has a start of its own; "
+                f"allowed: at least one state of both phases that {after.name} does not start itself"
+            )
+        if strangers := [str(name) for name in jumps if name not in [v.name for v in shared]]:
+            why = "; ".join(f"{each} is {_why_it_cannot_jump(each, before, after)}" for each in strangers)
+            raise ProblemError(
+                f"{where}: jump of {', '.join(strangers)}: {why}; allowed: jumps of {names}, the states of both phases "
+                f"that {after.name} does not start itself"
+            )
         for variable in shared:
             jump = expression(f"{where}: jump of {variable.name}", jumps.get(variable.name, 0.0))
             gap = after.initial(variable.symbol) - own[variable.name] - jump
@@ -240,9 +286,9 @@ class MultiPhaseProblem:
         A state's symbol means its value at the end of its phase, ``phase.initial(x)`` that at the start; the symbols of
         the durations may be among them. ProblemError for what cannot be a constraint.
         """
-        every = ca.vertcat(*(each for phase in self._phases.values() for each in phase.statement.at_end))
+        every = ca.vertcat(*(each for phase in self._phases.values() for each in phase.statement.known_at))
         where = f"{self.name}: coupling"
-        self._couplings += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=ca.symvar(every))
+        self._couplings += rows(where, constraint, *end_limits(constraint, lower, upper), name, known=ca.symvar(every))
 
     def functions(self) -> ProblemFunctions:
         """The stacked problem as compiled functions, over τ in [0, 1]; its variables are named phase.variable.
@@ -261,10 +307,12 @@ class MultiPhaseProblem:
         parameters: Mapping[str, Numbers] | None = None,
         tolerance: float | None = None,
         options: Options | None = None,
+        scheme: Scheme | str | None = None,
     ) -> MultiPhaseSolution:
         """Solve all phases together, on nodes at the same fractions of their durations.
 
-        Arguments and errors are those of ``OptimalControlProblem.solve``, ``guess`` a solution of this problem.
+        Arguments and errors are those of ``OptimalControlProblem.solve``, ``guess`` a solution of this problem; break
+        times that are known are those of phases whose duration is fixed, and a boundary of two phases is another.
         """
         problem = self.functions()
         values = problem.values_by_name(parameters)
@@ -272,7 +320,15 @@ class MultiPhaseProblem:
             raise ProblemError(f"{self.name}: guess = {guess!r:.80}; allowed: a MultiPhaseSolution")
         start = None if guess is None else guess.stacked
         stacked = solve_by(
-            problem, nodes, method, monitor, guess=start, parameters=values, tolerance=tolerance, options=options
+            problem,
+            nodes,
+            method,
+            monitor,
+            guess=start,
+            parameters=values,
+            tolerance=tolerance,
+            options=options,
+            scheme=scheme,
         )
         return self._unstacked(stacked)
 
@@ -292,6 +348,8 @@ class MultiPhaseProblem:
         elapsed = ca.SX(0)
         for name, phase in self._phases.items():
             elapsed = _add_phase(stacked, name, phase.statement, elapsed, shared=self._parameters)
+        stacked.states += self._unknowns
+        stacked.rates |= {v.name: ca.SX(0) for v in self._unknowns}
         fixed = {p.statement.final_time: p.statement.duration for p in self._phases.values()}
         for row in self._couplings:
             made = row.expression
@@ -318,7 +376,21 @@ class MultiPhaseProblem:
                 for solution in (stacked, *phases.values())
             )
             phases = dict(zip(phases, views, strict=True))
-        return MultiPhaseSolution(self.name, stacked, phases, start_times)
+        unknowns = {v.name: float(stacked[v.name][0]) for v in self._unknowns}
+        return MultiPhaseSolution(self.name, stacked, phases, start_times, unknowns)
+
+
+def _why_it_cannot_jump(name: str, before: OptimalControlProblem, after: OptimalControlProblem) -> str:
+    """What a name that link() cannot give a jump is, in the words of the error."""
+    for phase, other in ((before, after), (after, before)):
+        statement = phase.statement
+        if name in [v.name for v in statement.controls]:
+            return f"a control of {phase.name}"
+        if name in [each.name for each in statement.parameters]:
+            return "a parameter"
+        if name in [v.name for v in statement.states] and name not in other.statement.names:
+            return f"a state of {phase.name} only"
+    return f"started by {after.name} itself" if name in after.statement.starts else "no state of either phase"
 
 
 def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, shared: list[Parameter]) -> ca.SX:
@@ -333,12 +405,13 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
     now = begin + stacked.t * T
 
     def at(made: ca.SX) -> ca.SX:
-        return ca.substitute(ca.substitute(made, phase.t, now), phase.final_time, T)
+        own = ca.vertcat(phase.t, phase.elapsed, phase.final_time)
+        return ca.substitute(made, own, ca.vertcat(now, stacked.t * T, T))
 
     def renamed(rows_of: list[Row]) -> list[Row]:
         return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
 
-    guess = guesses_of(since_start(phase))
+    guess = guesses_of(guessed(since_start(phase)))
     columns = zip((*guess.states.T, *guess.controls.T), (*guess.state_scale, *guess.control_scale), strict=True)
     for k, (variable, (values, scale)) in enumerate(zip((*phase.states, *phase.controls), columns, strict=True)):
         among = stacked.states if k < len(phase.states) else stacked.controls
@@ -357,4 +430,21 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
     stacked.path += renamed(phase.path)
     stacked.initial += renamed(phase.initial)
     stacked.final += renamed(phase.final)
+    stacked.instants += _instants(stacked.name, name, phase, begin)
     return begin + T
+
+
+def _instants(problem: str, name: str, phase: Statement, begin: ca.SX) -> list[Instant]:
+    """What a phase states at given times, over τ; ProblemError for a duration that is free, and times beyond it."""
+    assert phase.duration is not None
+    T, symbols = phase.duration.guess, ca.vertcat(phase.t, phase.elapsed, phase.final_time)
+    found = []
+    for each in phase.instants:
+        check_instant(f"{problem}: phase {name}", each.time, phase.duration)
+        now = ca.vertcat(begin + each.time, each.time, phase.final_time if phase.duration.free else T)
+        rows_of = tuple(
+            dataclasses.replace(row, expression=ca.substitute(row.expression, symbols, now), name=f"{name}: {row.name}")
+            for row in each.rows
+        )
+        found.append(Instant(min(each.time / T, 1.0), ca.substitute(each.cost, symbols, now), rows_of))
+    return found

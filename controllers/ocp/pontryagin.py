@@ -2,11 +2,12 @@
 
 With H = L + λ'f, minimised, path constraints d with multipliers μ and states on their bounds with multipliers μ_x,
 
-    adjoint        λ' = -(H_x + d_x'μ + μ_x): λ jumps where a limit of a state begins or ceases to hold
+    adjoint        λ' = -(H_x + d_x'μ + μ_x): λ jumps where a limit of a state begins or ceases to hold, and falls by
+                   Psi_k,x + c_k,x'ν_k at a given time
     stationarity   H_u + d_u'μ vanishes inside the bounds of u, is <= 0 at an upper and >= 0 at a lower one
     minimum        H(u) <= H(v) for every other admissible v
     convexity      H_uu >= 0 over the controls that are free (Legendre and Clebsch)
-    Hamiltonian    dH/dt = H_t + μ'd_t: H is constant where nothing depends on t
+    Hamiltonian    dH/dt = H_t + μ'd_t between break times: H is constant where nothing depends on t
     start, end     λ(0) + i_x'ν_0 = 0,  λ(T) = Psi_x + s_x'ν
     duration       H(T) + Psi_T + s_T'ν + κ = 0 for a free T, κ the multiplier of its bounds
     signs          a multiplier is 0 where its limit does not hold, >= 0 at an upper and <= 0 at a lower limit
@@ -35,6 +36,7 @@ from mathnavi.controllers.ocp.pontryagin_terms import (
     controls_linear_in_hamiltonian,
     end_gradients,
     hamiltonian_terms,
+    instant_gradients,
     is_quadratic,
     start_gradient,
     switching_terms,
@@ -245,9 +247,19 @@ class _Judge:
         size: Array = np.maximum(scaled, least) / self.problem.state_scale
         return size
 
+    @cached_property
+    def _falls(self) -> Array:
+        """(N, nx) what λ falls by at each node, where something is stated at its time."""
+        s, found = self.solution, np.zeros((self.solution.nodes, self.problem.nx))
+        if self.problem.instants is not None and s.multipliers.instants is not None:
+            known = s.at_instants.ravel(), s.parameters, s.multipliers.instants.values
+            gradients = np.array(instant_gradients(self.problem)(*known).full())
+            found[s.instant_nodes] = gradients.reshape(-1, self.problem.nx)
+        return found
+
     def _adjoint(self) -> OptimalityCondition:
         first, second = self._forces()
-        defect = np.diff(self._middle, axis=0) + second[:-1] + first[1:]
+        defect = np.diff(self._middle, axis=0) + second[:-1] + first[1:] + self._falls[1:-1]
         drift = np.vstack([np.zeros(self.problem.nx), np.cumsum(defect, axis=0)])
         apart = self.solution.grid.widths @ np.abs(drift - np.median(drift, axis=0))
         return self._judged("adjoint", float((apart / self._costate_size).max(initial=0.0)))
@@ -355,18 +367,25 @@ class _Judge:
     # the Hamiltonian and the ends
 
     def _rate_of_hamiltonian(self) -> float:
-        """dH/dt = H_t between the middles of the intervals; H there is its mean, in which ringing cancels."""
+        """dH/dt = H_t between the middles of the intervals; H there is its mean, in which ringing cancels.
+
+        Each part between break times by itself, for H may jump at one.
+        """
         mean = (self.H * self.shares).sum(axis=1) / self.shares.sum(axis=1)
         first, second = self._halves(self.H_t, np.zeros_like(self.H_t))
         gained = np.concatenate([[0.0], np.cumsum(second[:-1] + first[1:])])
-        drift = mean - gained
-        return float(self.solution.grid.widths @ np.abs(drift - np.median(drift))) / self.H_size
+        drift, widths = mean - gained, self.solution.grid.widths
+        middles = self.solution.grid.nodes[:-1] + 0.5 * widths
+        part = np.searchsorted(self.problem.breaks, middles)
+        for k in np.unique(part):
+            drift[part == k] -= np.median(drift[part == k])
+        return float(widths @ np.abs(drift)) / self.H_size
 
     def _ends(self) -> Iterator[OptimalityCondition]:
         s, problem, p, m = self.solution, self.problem, self.solution.parameters, self.solution.multipliers
         first, second = self._forces()
         size = self._costate_size
-        at_start, at_end = self._middle[0] + first[0], self._middle[-1] - second[-1]
+        at_start, at_end = self._middle[0] + first[0] + self._falls[0], self._middle[-1] - second[-1] - self._falls[-1]
         nu_0, nu = m.initial.values, m.final.values
         by_x, by_T = end_gradients(problem)(s.x[-1], s.duration, p, nu)
         start = np.abs(at_start + np.array(start_gradient(problem)(s.x[0], p, nu_0).full())[:, 0]) / size

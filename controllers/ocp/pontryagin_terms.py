@@ -103,3 +103,14 @@ def end_gradients(problem: ProblemFunctions) -> ca.Function:
     nu = ca.SX.sym("nu", len(problem.final_bounds.lower))
     value = problem.terminal_cost(x, T, p) + ca.dot(nu, problem.final(x, T, p))
     return ca.Function("end", [x, T, p, nu], [ca.densify(ca.gradient(value, x)), ca.densify(ca.gradient(value, T))])
+
+
+@lru_cache(maxsize=64)
+def instant_gradients(problem: ProblemFunctions) -> ca.Function:
+    """(X, p, ν_k) -> Σ_k (Psi_k + ν_k'c_k)_X (m nx,), by which λ falls at the given times, at states X (m nx,)."""
+    assert problem.instants is not None
+    found = problem.instants
+    X, p = ca.SX.sym("X", len(found.fractions) * problem.nx), ca.SX.sym("p", len(problem.parameters))
+    nu = ca.SX.sym("nu", len(found.names))
+    value = found.cost(X, p) + ca.dot(nu, found.rows(X, p))
+    return ca.Function("instants", [X, p, nu], [ca.densify(ca.gradient(value, X))])

@@ -24,6 +24,7 @@ and a free start time. A problem is stated call by call, and solved:
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -31,16 +32,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.comparisons import Row, bounded, rows, zero_limits
+from mathnavi.controllers.ocp.breaks import fractions, times_of
+from mathnavi.controllers.ocp.comparisons import Row, bounded, end_limits, rows
 from mathnavi.controllers.ocp.expressions import column, expression, number
 from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
-from mathnavi.controllers.ocp.lowering import functions_of, guesses_of, since_start
+from mathnavi.controllers.ocp.instants import ProblemAt
+from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions, duration_row, limit_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
+from mathnavi.controllers.ocp.substitutions import guessed, since_start
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.short_tables import Row as TableRow
@@ -53,6 +58,20 @@ Numbers = float | Sequence[float]
 """one number for all components, or one for each"""
 Expression = Any
 """an SX expression, a number, or a sequence of these"""
+
+
+class DurationSymbol(ca.SX):
+    """The symbol T [s] of a final time, which is fixed by a call."""
+
+    def __init__(self, statement: Statement) -> None:
+        """Take the symbol of a statement."""
+        super().__init__(statement.final_time)
+        self._statement = statement
+
+    def __call__(self, value: float) -> ca.SX:
+        """Fix the final time at ``value`` [s]; returns its symbol."""
+        self._statement.set_duration(value, value, value)
+        return self._statement.final_time
 
 
 class OptimalControlProblem:
@@ -78,11 +97,20 @@ class OptimalControlProblem:
         self.statement = Statement(name)
         self._integrals = 0
         self._compiled: tuple[list[object], ProblemFunctions] | None = None
+        self._broken: tuple[ProblemFunctions, ProblemFunctions] | None = None
 
     @property
     def t(self) -> ca.SX:
-        """Time [s] since the start, or since the origin of a start time that is stated."""
+        """Time [s] since the start, or since the origin of a start time that is stated; of a phase, see ``elapsed``.
+
+        In a phase it is the time of the whole problem: it goes on from one phase to the next.
+        """
         return self.statement.t
+
+    @property
+    def elapsed(self) -> ca.SX:
+        """Time [s] since the start of this problem or, in one of several phases, of this phase."""
+        return self.statement.elapsed
 
     bounded = staticmethod(bounded)
 
@@ -146,14 +174,18 @@ class OptimalControlProblem:
 
     # time
 
-    def duration(self, value: float) -> None:
-        """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
-        self.free_duration(guess=value, lower=value, upper=value)
+    @property
+    def duration(self) -> DurationSymbol:
+        """Symbol T [s] of the final time; called with a number, ``duration(2.0)``, it fixes it, and returns the symbol.
+
+        T may stand in dynamics, costs and constraints. ProblemError unless 0 < T <= 1e9 s, and if it is given twice.
+        """
+        return DurationSymbol(self.statement)
 
     def free_duration(
         self, *, guess: float, lower: float = DURATION_LIMITS[0], upper: float = DURATION_LIMITS[1]
     ) -> ca.SX:
-        """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+        """Free the final time, lower <= T <= upper [s]; returns its symbol ``duration``.
 
         A result that ends at one of the default limits is not a solution: its status is UNBOUNDED.
 
@@ -202,7 +234,7 @@ class OptimalControlProblem:
         messages and results. ProblemError for what cannot be a constraint, see ``comparisons.rows``.
         """
         s = self.statement
-        for row in rows(f"{self.name}: path constraint", constraint, lower, upper, name, known=s.along):
+        for row in rows(f"{self.name}: path constraint", constraint, lower, upper, name, known=s.known_along):
             variable = self.statement.variable(row.expression)
             if variable is None or lower is not None or upper is not None or row.lower == row.upper:
                 s.path.append(row)
@@ -219,10 +251,13 @@ class OptimalControlProblem:
     def start_constraint(
         self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
     ) -> None:
-        """Constrain the start: a comparison, or lower <= i(x(0); p) <= upper; a limit that is not given is 0."""
+        """Constrain the start: a comparison, or lower <= i(x(0); p) <= upper.
+
+        One limit of an expression is a one-sided constraint; an expression without any is an equation, = 0.
+        """
         s = self.statement
         where = f"{self.name}: start constraint"
-        s.initial += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_start)
+        s.initial += rows(where, constraint, *end_limits(constraint, lower, upper), name, known=s.known_at)
 
     def end(self, state: ca.SX, value: Expression) -> None:
         """End at x(T) = value, a number or an expression of T, parameters and states, for one state or several.
@@ -234,10 +269,21 @@ class OptimalControlProblem:
     def end_constraint(
         self, constraint: Expression, *, lower: Expression = None, upper: Expression = None, name: str = ""
     ) -> None:
-        """Constrain the end: a comparison, or lower <= s(x(T), T; p) <= upper; a limit that is not given is 0."""
+        """Constrain the end: a comparison, or lower <= s(x(T), T; p) <= upper.
+
+        One limit of an expression is a one-sided constraint; an expression without any is an equation, = 0.
+        """
         s = self.statement
         where = f"{self.name}: end constraint"
-        s.final += rows(where, constraint, *zero_limits(constraint, lower, upper), name, known=s.at_end)
+        s.final += rows(where, constraint, *end_limits(constraint, lower, upper), name, known=s.known_at)
+
+    def at(self, time: float) -> ProblemAt:
+        """A time [s] since the start, of a phase since its own, at which a cost or constraints are to be stated.
+
+        ``at(2.0).minimise((x - 3.1)**2)`` adds to J, ``at(2.0).constrain(x <= 1)`` limits x(2.0). A node is placed
+        there. ProblemError, at the latest when it is solved, unless 0 <= time <= T of a duration that is fixed.
+        """
+        return ProblemAt(self.statement, time)
 
     # what becomes an additional state or control
 
@@ -345,7 +391,7 @@ class OptimalControlProblem:
         duration = self.statement.duration
         if duration is None:
             raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
-        found = guesses_of(since_start(self.statement))
+        found = guesses_of(guessed(since_start(self.statement)))
         scales = dict(zip(self.statement.variable_names, [*found.state_scale, *found.control_scale], strict=True))
         return {name: float(scale) for name, scale in scales.items()} | {"T": duration.guess}
 
@@ -361,6 +407,9 @@ class OptimalControlProblem:
         parameters: Mapping[str, Numbers] | None = None,
         tolerance: float | None = None,
         options: Options | None = None,
+        scheme: Scheme | str | None = None,
+        breaks: Sequence[float] = (),
+        replay: bool = True,
     ) -> Solution:
         """Solve the problem by collocation and replay the solution through its own dynamics.
 
@@ -380,7 +429,17 @@ class OptimalControlProblem:
             tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
                 the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
                 whose number is given.
-            options: NLP solver with its own tolerance, and what it prints or logs; None for the method's.
+            options: NLP solver with its own tolerance, and what it prints or logs; None for the method's. FATROP
+                (``backend="fatrop"``) needs a scheme that gives x_(i+1): "multiple shooting", which "auto" and "direct"
+                then take, or "forward Euler"; "hp" is refused.
+            scheme: transcription of an interval, or its name: "Hermite-Simpson", "trapezoid", "Radau",
+                "Gauss-Legendre", "Legendre-Gauss-Lobatto", "multiple shooting", "forward Euler"; "auto" is then
+                "direct". None for the method's own.
+            breaks: times [s] since the start, inside of a fixed duration, at which a node is placed: where a function
+                jumps or has a kink. Those of linear tables of the time, of comparisons with it, and of ``at()`` are
+                known.
+            replay: False, for a number of nodes that is given, returns the solution of the programme as it is, in a
+                loop that has no time for more: its status is at best CONVERGED.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
@@ -389,13 +448,38 @@ class OptimalControlProblem:
 
         Raises:
             ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
-                method, monitor or parameter, and a monitor that its method cannot take.
+                method, scheme, monitor or parameter, a monitor or a scheme that its method cannot take, and break times
+                outside of the duration or where it is free.
         """
-        problem = self.functions()
+        problem = self._with_breaks(breaks, method)
         values = problem.values_by_name(parameters)
         return solve_by(
-            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
+            problem,
+            nodes,
+            method,
+            monitor,
+            guess=guess,
+            parameters=values,
+            tolerance=tolerance,
+            options=options,
+            scheme=scheme,
+            replay=replay,
         )
+
+    def _with_breaks(self, breaks: Sequence[float], method: str) -> ProblemFunctions:
+        """The compiled functions with break times [s] besides their own; kept as they are."""
+        problem = self.functions()
+        given = times_of(self.name, breaks, problem.guess_duration, free=problem.free_duration)
+        if not given:
+            return problem
+        if method == "distribute":
+            raise ProblemError(
+                f"{self.name}: breaks with method = 'distribute', whose nodes are unknowns; allowed: another method"
+            )
+        every = fractions(np.append(np.array(given) / problem.guess_duration, problem.breaks))
+        if self._broken is None or self._broken[0] is not problem or self._broken[1].breaks != every:
+            self._broken = problem, dataclasses.replace(problem, breaks=every)
+        return self._broken[1]
 
     def functions(self) -> ProblemFunctions:
         """Compile and check the problem's functions; they are kept until something else is stated.
@@ -427,6 +511,10 @@ class OptimalControlProblem:
             others = [row for row in stated if row.name not in pinned]
             rows += [(name, f"= {value}", "") for name, value in pinned.items()]
             rows += limit_rows("", [(row.name, row.lower, row.upper) for row in others])
+        at_times = [
+            (f"{row.name} at {each.time:g} s", row.lower, row.upper) for each in s.instants for row in each.rows
+        ]
+        rows += limit_rows("", at_times)
         rows += limit_rows("parameter", [(each.name, each.nominal, each.nominal) for each in s.parameters])
         if s.duration is not None:
             rows.append(duration_row(s.duration.lower, s.duration.upper))

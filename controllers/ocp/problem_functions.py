@@ -63,6 +63,17 @@ def _less(limits: Interval, values: ca.DM) -> Interval:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class InstantFunctions:
+    """What is stated at m given times: functions of the states there, X (m nx,), one time after the other."""
+
+    fractions: Array  # (m,) of T, increasing, in [0, 1]
+    cost: ca.Function  # Σ_k Psi_k(X, p) -> ()
+    rows: ca.Function  # c(X, p) -> (nc,)
+    bounds: Interval  # (nc,)
+    names: tuple[str, ...]  # nc
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class ProblemFunctions:
     """An optimal control problem as compiled functions with their limits; every function is CasADi's, over SX columns.
 
@@ -95,6 +106,8 @@ class ProblemFunctions:
     guess_states: Array  # (k, nx)
     guess_controls: Array  # (k, nu)
     guess_duration: float  # [s]
+    breaks: tuple[float, ...] = ()  # in ]0, 1[, fractions of T at which a node is placed, increasing
+    instants: InstantFunctions | None = None  # what is stated at given times
 
     def __repr__(self) -> str:
         """A short table: states, controls, constraints and ends with their limits, and parameters."""
@@ -115,6 +128,8 @@ class ProblemFunctions:
             ("", self.final_names, _less(self.final_bounds, self.final(nothing, self.guess_duration, self.nominal))),
         ):
             rows += limit_rows(kind, list(zip(names, limits.lower.tolist(), limits.upper.tolist(), strict=True)))
+        if self.instants is not None:
+            rows += limit_rows("", list(zip(self.instants.names, *map(list, self.instants.bounds), strict=True)))
         known = zip(self.parameters, self.nominal.tolist(), strict=True)
         return self.name, [
             *rows,

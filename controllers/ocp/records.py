@@ -119,6 +119,8 @@ class RecordReader:
         if get_origin(kind) is tuple:
             if get_args(kind) == (int, ...):
                 return tuple(self._array(key, "iu", 1).tolist())
+            if get_args(kind) == (float, ...):
+                return tuple(self._array(key, _NUMBERS, 1).astype(float).tolist())
             return self.texts(key) if get_args(kind)[0] is str else self._pair(key, len(get_args(kind)))
         if isinstance(kind, type) and issubclass(kind, Enum):
             called = self.text(key)

@@ -32,6 +32,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.defects import Defects, defects
+from mathnavi.controllers.ocp.instants import instant_cost, instant_excess
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
@@ -210,6 +211,10 @@ def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
         y = flown[i, -1]
         defects += float(np.abs(y - starts[i + 1]).max())
     path_violation = _path_violation(solution, flown * scale, fractions)
+    if problem.instants is not None:
+        there = np.vstack([starts[:1], flown[:, -1]])[solution.instant_nodes] * scale
+        cost += instant_cost(problem.instants, there, solution.parameters)
+        path_violation = max(path_violation, instant_excess(problem.instants, there, solution.parameters))
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
     end = y * scale
     cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))

@@ -88,13 +88,20 @@ def _functions(reader: RecordReader) -> dict[str, ca.Function]:
         "initial": ((nx, parameters), ni),
         "final": (at_end, ns),
     }
+    instants = f"{_PROBLEM}.instants"
+    if f"{instants}.fractions" in reader.arrays:
+        states = nx * reader.numbers(f"{instants}.fractions").size
+        wanted["instants.cost"] = (states, parameters), 1
+        wanted["instants.rows"] = (states, parameters), len(reader.texts(f"{instants}.names"))
     made = {}
     for field, (inputs, size) in wanted.items():
         parts = {part: f"{_PROBLEM}.{field}.{part}" for part in ("tape", "constants", "inputs", "size")}
         if missing := [key for key in parts.values() if key not in reader.arrays]:
             raise ValueError(f"there is no array {missing[0]!r}; allowed: to give the problem, problem=ocp.functions()")
         try:
-            made[field] = function_of(field, {part: reader.arrays[key] for part, key in parts.items()}, inputs, size)
+            made[field] = function_of(
+                field.replace(".", "_"), {part: reader.arrays[key] for part, key in parts.items()}, inputs, size
+            )
         except ValueError as fault:
             raise ValueError(f"{_PROBLEM}.{field}: {fault}") from None
     return made
@@ -132,6 +139,12 @@ def _check_shapes(solution: Solution) -> None:
     for kind, size in bounds.items():
         for side, array in zip(("lower", "upper"), getattr(problem, f"{kind}_bounds"), strict=True):
             wanted[f"problem.{kind}_bounds.{side}"] = array, (size,)
+    if (instants := problem.instants) is not None:
+        wanted["problem.instants.fractions"] = instants.fractions, (instants.fractions.size,)
+        for side, array in zip(("lower", "upper"), instants.bounds, strict=True):
+            wanted[f"problem.instants.bounds.{side}"] = array, (len(instants.names),)
+        if not ((instants.fractions >= 0.0) & (instants.fractions <= 1.0)).all():
+            raise ValueError(f"problem.instants.fractions = {instants.fractions.tolist()!r:.80}; allowed: 0 to 1")
     for name, (array, shape) in wanted.items():
         if array.shape != shape:
             raise ValueError(f"array '{RECORD}.{name}' of shape {array.shape}; allowed: {shape}")

@@ -212,6 +212,20 @@ class Solution:
         return self.grid.nodes * self.duration
 
     @property
+    def at_instants(self) -> Array:
+        """States (m, nx) at the times at which the problem states a cost or constraints; those nodes are there."""
+        found = self.problem.instants
+        return self.x[self.instant_nodes] if found is not None else np.empty((0, self.problem.nx))
+
+    @property
+    def instant_nodes(self) -> Integers:
+        """Indices (m,) of the nodes at these times."""
+        found = self.problem.instants
+        fractions = np.empty(0) if found is None else found.fractions
+        nearest: Integers = np.abs(self.grid.nodes[:, None] - fractions).argmin(axis=0).astype(np.int64)
+        return nearest
+
+    @property
     def costate_times(self) -> Array:
         """Times (N - 1,) [s] of the costates."""
         times: Array = self.t[:-1] + self.scheme.costate_at * np.diff(self.t)

@@ -19,7 +19,7 @@ from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
-from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import at_rows, programme
@@ -33,6 +33,7 @@ from mathnavi.interfaces.signals import Array
 FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
+_AT_NODE = 1e-9  # of T, from a node that is at a given time
 _MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
 
 
@@ -47,8 +48,12 @@ class Transcription:
         nodes: int,
         options: Options,
         arcs: int = 1,
+        instant_nodes: tuple[int, ...] | None = None,
     ) -> None:
         """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs.
+
+        ``instant_nodes`` are the indices of the nodes at given times, None for those of uniform nodes; for a grid with
+        other ones ``solve`` builds another transcription, and keeps it.
 
         Raises ProblemError for FATROP with a scheme that is not explicit, for too few nodes for the distribution, and
         for several arcs of nodes that are unknowns.
@@ -59,8 +64,15 @@ class Transcription:
                 f"backend = {options.backend!r} cannot solve {scheme.name}: x_(i+1) is not given explicitly; "
                 "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
             )
+        if problem.instants is not None and (distribution.moving or options.backend.startswith("fatrop")):
+            why = "nodes that are unknowns" if distribution.moving else f"backend = {options.backend!r}"
+            raise ProblemError(f"{problem.name}: at() with {why}; allowed: nodes that are given, and backend = 'ipopt'")
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
-        self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs)
+        if instant_nodes is None:
+            instant_nodes = nodes_of_instants(problem, on_breaks(uniform(check_nodes(nodes)), problem.breaks))
+        self._options, self._siblings = options, dict[tuple[int, ...], Transcription]()
+        self.instant_nodes = instant_nodes
+        self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs, instant_nodes)
         self.layout = self.programme.layout
         nlp = self.programme
         self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
@@ -88,7 +100,7 @@ class Transcription:
                 a guess with other numbers of states or controls.
         """
         p = self.problem.nominal if parameters is None else parameters
-        where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
+        where = grid or (guess.grid if guess is not None else on_breaks(uniform(self.nodes), self.problem.breaks))
         if len(where) != self.nodes:
             raise ProblemError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
         if not isinstance(p, np.ndarray) or p.shape != self.problem.nominal.shape:
@@ -103,6 +115,8 @@ class Transcription:
             )
         if (1 if arcs is None else len(arcs)) != self.layout.arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
+        if (instant_nodes := nodes_of_instants(self.problem, where)) != self.instant_nodes:
+            return self._sibling(instant_nodes).solve(guess, where, p, arcs)
         shares = None
         smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
         if arcs is not None and arcs.smoothing is not None:
@@ -134,6 +148,20 @@ class Transcription:
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
         return found
+
+    def _sibling(self, instant_nodes: tuple[int, ...]) -> Transcription:
+        """The transcription that is this one with given times at other nodes."""
+        if instant_nodes not in self._siblings:
+            self._siblings[instant_nodes] = Transcription(
+                self.problem,
+                self.scheme,
+                self.distribution,
+                self.nodes,
+                self._options,
+                self.layout.arcs,
+                instant_nodes,
+            )
+        return self._siblings[instant_nodes]
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """Add to the answer of a solve that met NaN or infinity what was not finite at the guess or last iterate."""
@@ -255,6 +283,21 @@ class Transcription:
         return layout.join(np.hstack(z), np.hstack(w), last if scheme.shared else np.empty(0))
 
 
+def nodes_of_instants(problem: ProblemFunctions, grid: Grid) -> tuple[int, ...]:
+    """Indices of the nodes at which a problem states a cost or constraints; ProblemError where there is none."""
+    if problem.instants is None:
+        return ()
+    nearest = np.abs(grid.nodes[:, None] - problem.instants.fractions).argmin(axis=0)
+    off = np.abs(grid.nodes[nearest] - problem.instants.fractions) > _AT_NODE
+    if off.any():
+        times = problem.instants.fractions[off] * problem.guess_duration
+        raise ProblemError(
+            f"grid: no node at {', '.join(f'{t:g}' for t in times)} s, where {problem.name} states a cost or a "
+            "constraint; allowed: a grid with a node there"
+        )
+    return tuple(nearest.tolist())
+
+
 @lru_cache(maxsize=64)
 def transcription(
     problem: ProblemFunctions,
@@ -263,6 +306,7 @@ def transcription(
     distribution: NodeDistribution = FIXED,
     options: Options = DEFAULT,
     arcs: int = 1,
+    instant_nodes: tuple[int, ...] | None = None,
 ) -> Transcription:
     """Return the transcription for these arguments, built once and kept.
 
@@ -273,13 +317,14 @@ def transcription(
         distribution: places of the nodes; ``Fixed`` for those of a given grid.
         options: solver and tolerance.
         arcs: number A of arcs whose lengths are unknowns.
+        instant_nodes: indices of the nodes at given times; None for those of uniform nodes.
 
     Raises:
         ProblemError: for a problem that is not a ``ProblemFunctions``, such as an ``OptimalControlProblem``, and as
             ``Transcription`` does.
     """
     check_problem(problem)
-    return Transcription(problem, scheme, distribution, nodes, options, arcs)
+    return Transcription(problem, scheme, distribution, nodes, options, arcs, instant_nodes)
 
 
 def _inner_states(

@@ -55,6 +55,15 @@ class Duration:
         return self.lower < self.upper
 
 
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """A cost and constraints at one time [s] since the start, expressions of the states there and the parameters."""
+
+    time: float
+    cost: ca.SX
+    rows: tuple[Row, ...]
+
+
 @dataclass
 class Statement:
     """All that is stated of a problem."""
@@ -62,16 +71,19 @@ class Statement:
     name: str
     t: ca.SX = field(default_factory=lambda: ca.SX.sym("t"))  # [s]
     final_time: ca.SX = field(default_factory=lambda: ca.SX.sym("T"))  # [s] since the start
+    elapsed: ca.SX = field(default_factory=lambda: ca.SX.sym("elapsed"))  # [s] time since the start
     start_time: ca.SX = field(default_factory=lambda: ca.SX(0))  # [s] t at the start
     states: list[Variable] = field(default_factory=list)
     controls: list[Variable] = field(default_factory=list)
     parameters: list[Parameter] = field(default_factory=list)
+    shared: list[Variable] = field(default_factory=list)  # constants to be found of the problem that this is a phase of
     rates: dict[str, ca.SX] = field(default_factory=dict)  # by state
     running: ca.SX = field(default_factory=lambda: ca.SX(0))
     terminal: ca.SX = field(default_factory=lambda: ca.SX(0))
     path: list[Row] = field(default_factory=list)
     initial: list[Row] = field(default_factory=list)
     final: list[Row] = field(default_factory=list)
+    instants: list[Instant] = field(default_factory=list)
     starts: dict[str, ca.SX] = field(default_factory=dict)  # x(0) by state, of those that have one value
     ends: dict[str, ca.SX] = field(default_factory=dict)  # x(T) by state, of those that have one value
     has_cost: bool = False
@@ -83,7 +95,7 @@ class Statement:
         """All that is stated, part by part; none of them is ever changed, only replaced."""
         variables = (*self.states, *self.controls)
         own = [part for v in variables for part in (v.symbol, v.lower, v.upper, v.scale, v.guess)]
-        rest = (self.start_time, self.running, self.terminal, self.duration, self.simulation)
+        rest = (self.start_time, self.running, self.terminal, self.duration, self.simulation, *self.instants)
         return [*own, *self.parameters, *self.rates.values(), *self.path, *self.initial, *self.final, *rest]
 
     @property
@@ -116,6 +128,21 @@ class Statement:
         """Arguments of what holds at the end: x, T, p."""
         return [self.x, self.final_time, self.p]
 
+    @property
+    def constants(self) -> list[ca.SX]:
+        """Symbols that may stand in all that is stated: T, and the constants to be found of all phases."""
+        return [self.final_time, *(v.symbol for v in self.shared)]
+
+    @property
+    def known_along(self) -> list[ca.SX]:
+        """Symbols that dynamics, running cost and path constraints may depend on."""
+        return [*self.along, self.elapsed, *self.constants]
+
+    @property
+    def known_at(self) -> list[ca.SX]:
+        """Symbols that conditions and costs at the start, at the end or at a time between may depend on."""
+        return [self.x, self.p, *self.constants]
+
     # what is stated, checked
 
     def declare(self, kind: str, name: str, size: int, lower: Any, upper: Any, scale: Any, guess: Any) -> ca.SX:
@@ -145,12 +172,12 @@ class Statement:
         if self.has_cost:
             raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
         made = []
-        for what, cost, known in (("running", running, self.along), ("terminal", terminal, self.at_end)):
+        for what, cost, known in (("running", running, self.known_along), ("terminal", terminal, self.known_at)):
             value = expression(f"{self.name}: the {what} cost", cost)
             if value.numel() != 1:
                 raise ProblemError(f"{self.name}: the {what} cost has shape {value.shape}; allowed: one")
             check_symbols(f"{self.name}: the {what} cost", value, ca.vertcat(*known))
-            if bent := kinks(value):
+            if bent := kinks(value, ca.vertcat(self.t, self.elapsed)):
                 warnings.warn(
                     f"{self.name}: the {what} cost has a kink ({', '.join(bent)}), where a solver may stop early; "
                     "absolute() and largest() split it",
@@ -169,7 +196,7 @@ class Statement:
             raise ProblemError(f"{where} have shape {made.shape}; allowed: {len(variables)}, one for each state")
         rates = scalars(made) if made.numel() == len(variables) else [made] * len(variables)
         for variable, each in zip(variables, rates, strict=True):
-            check_symbols(where, each, ca.vertcat(*self.along))
+            check_symbols(where, each, ca.vertcat(*self.known_along))
             if variable.name in self.rates:
                 raise ProblemError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
             self.rates[variable.name] = each
@@ -242,7 +269,7 @@ class Statement:
         ProblemError for what is not a state, a second value, and a value outside the state's bounds.
         """
         pinned, among = (self.starts, self.initial) if where == "start" else (self.ends, self.final)
-        known = ca.vertcat(*(self.at_start if where == "start" else self.at_end))
+        known = ca.vertcat(*self.known_at)
         variables = self.find(states, where)
         made = expression(f"{self.name}: {where} of {states}", value)
         if made.numel() not in (1, len(variables)):
@@ -282,8 +309,9 @@ class Statement:
 
     @property
     def names(self) -> list[str]:
-        """Names of the states, controls and parameters."""
-        return [*self.variable_names, *(parameter.name for parameter in self.parameters)]
+        """Names of the states, controls, parameters and constants of all phases."""
+        parameters = (each.name for each in self.parameters)
+        return [*self.variable_names, *parameters, *(v.name for v in self.shared)]
 
 
 def limits(rows: list[Row]) -> Interval:

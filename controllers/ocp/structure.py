@@ -22,6 +22,7 @@ from mathnavi.interfaces.signals import Array, Integers
 _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
 _WEAK = 1e-3  # of its largest value: a limit with a smaller multiplier is not active
+_DRAWS = 3  # of points in general position
 _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 
@@ -134,7 +135,24 @@ def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
     x, u, t, p = problem.dynamics.sx_in()
     outputs = ca.vertcat(problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p), problem.path(x, u, t, p))
     slopes = ca.jacobian(outputs, u)
-    return np.array([not ca.depends_on(ca.vec(slopes[:, j]), u[j]) for j in range(problem.nu)], dtype=bool)
+    own = [ca.vec(slopes[:, j]) for j in range(problem.nu)]
+    return np.array([_is_constant(each, u[j], [x, u, t, p]) for j, each in enumerate(own)], dtype=bool)
+
+
+def _is_constant(slopes: ca.SX, control: ca.SX, known: list[ca.SX]) -> bool:
+    """True if slopes (n,) do not depend on a control ().
+
+    Where they call a function, of a table for one, CasADi keeps its derivative in the direction of what it does not
+    depend on, which looks like a dependence and is zero: there it is evaluated at some points in general position.
+    """
+    if not ca.depends_on(slopes, control):
+        return True
+    curvature = ca.Function("curvature", known, [ca.jacobian(slopes, control)])
+    if ca.OP_CALL not in {curvature.instruction_id(k) for k in range(curvature.n_instructions())}:
+        return False
+    drawn = np.random.default_rng(0)
+    points = [[drawn.uniform(0.1, 2.0, symbols.numel()) for symbols in known] for _ in range(_DRAWS)]
+    return all((curvature(*point).full() == 0.0).all() for point in points)
 
 
 def _runs_held(

@@ -30,9 +30,9 @@ import math
 import numpy as np
 
 from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
-from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, split, uniform
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, on_breaks, split, uniform
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome, Timing
@@ -54,6 +54,7 @@ def solve(
     parameters: Array | None = None,
     options: Options = DEFAULT,
     tolerance: float = GIVEN_NODES,
+    replay: bool = True,
 ) -> Solution:
     """Solve a problem on one grid and replay the solution.
 
@@ -65,6 +66,7 @@ def solve(
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         options: solver and its own tolerance.
         tolerance: largest miss, path violation and cost error of the replay of a solution that is called OPTIMAL.
+        replay: False for a solution that is not replayed, and at best CONVERGED.
 
     Returns:
         The solution with its replay; failure is in its status, CONVERGED where N nodes are too few for the tolerance.
@@ -72,9 +74,11 @@ def solve(
     Raises:
         ProblemError: for fewer than two nodes, and parameters or a guess that do not fit the problem.
     """
-    grid = nodes if isinstance(nodes, Grid) else uniform(nodes)
+    check_problem(problem)
+    grid = nodes if isinstance(nodes, Grid) else on_breaks(uniform(nodes), problem.breaks)
     made = transcription(problem, scheme, len(grid), FIXED, options)
-    return replayed(made.solve(guess, grid, parameters), tolerance)
+    found = made.solve(guess, grid, parameters)
+    return replayed(found, tolerance) if replay else found
 
 
 WORSE = 3.0
@@ -141,15 +145,17 @@ def redistribute(
     Raises:
         ProblemError: for fewer than two nodes or no round, and a monitor function that is not positive.
     """
+    check_problem(problem)
     if rounds < 1:
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
-    made = transcription(problem, scheme, nodes, FIXED, options)
-    first = replayed(made.solve(guess, uniform(nodes), parameters), tolerance)
+    start = on_breaks(uniform(nodes), problem.breaks)
+    made = transcription(problem, scheme, len(start), FIXED, options)
+    first = replayed(made.solve(guess, start, parameters), tolerance)
     if not (first.solved or first.status is SolverOutcome.LIMIT):
         return first
     current = first  # even one that did not converge shows where the next grid has to be dense
     for _ in range(rounds):
-        following = made.solve(current, redistributed(current, nodes, monitor), parameters)
+        following = made.solve(current, redistributed(current, len(start), monitor), parameters)
         spent = dataclasses.replace(following.timing, build_ms=0.0)  # it is the same programme
         current = dataclasses.replace(following, timing=spent + current.timing)
         if not (current.solved or current.status is SolverOutcome.LIMIT):
@@ -158,8 +164,12 @@ def redistribute(
 
 
 def redistributed(solution: Solution, nodes: int, monitor: Monitor) -> Grid:
-    """The grid of ``nodes`` nodes between which the integral of a solution's monitor function is the same."""
-    return equidistributed(nodes, lambda tau: monitor.density(solution, tau, monitor.epsilon), solution.grid.nodes)
+    """The grid of ``nodes`` nodes between which the integral of a solution's monitor function is the same.
+
+    Nodes at break times are put there afterwards.
+    """
+    found = equidistributed(nodes, lambda tau: monitor.density(solution, tau, monitor.epsilon), solution.grid.nodes)
+    return on_breaks(found, solution.problem.breaks)
 
 
 EQUIDISTRIBUTED = Equidistributed()
@@ -247,6 +257,7 @@ def refine(
         ProblemError: for a scheme whose state has no polynomial, limits that contradict each other and a tolerance that
             is not positive.
     """
+    check_problem(problem)
     if len(scheme.points) < 2:
         raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
     check_nodes(nodes)
@@ -254,7 +265,7 @@ def refine(
         raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
-    grid, current, timing, errors = uniform(nodes), guess, Timing(), np.array([math.inf])
+    grid, current, timing, errors = on_breaks(uniform(nodes), problem.breaks), guess, Timing(), np.array([math.inf])
     while True:
         current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
         timing += current.timing

@@ -18,9 +18,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
-from mathnavi.controllers.ocp.grid import check_nodes
+from mathnavi.controllers.ocp.grid import check_breaks, check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
+from mathnavi.controllers.ocp.methods.schemes import chosen_scheme
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
@@ -28,6 +29,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.structure import linear_controls
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
@@ -136,6 +138,8 @@ def solve_by(
     parameters: Array,
     tolerance: float | None = None,
     options: Options | None = None,
+    scheme: Scheme | str | None = None,
+    replay: bool = True,
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
 
@@ -150,27 +154,42 @@ def solve_by(
         parameters: (np,) values of the problem's parameters.
         tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for the method's own.
         options: solver and its own tolerance; None for the method's own.
+        scheme: transcription of an interval, or its name in ``SCHEMES``, with which ``auto`` is ``direct``; None for
+            the method's own, or multiple shooting for FATROP.
+        replay: False for one solve on a given number of nodes that is not replayed, and at best CONVERGED.
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused.
 
     Raises:
-        ProblemError: for fewer than two nodes, an unknown method or monitor, a monitor for a method that takes none,
-            and for a monitor without a measure where the nodes are unknowns.
+        ProblemError: for fewer than two nodes, or than the problem's break times need, an unknown method, scheme or
+            monitor, a scheme or a monitor for a method that takes none, no replay for one that needs it, and for a
+            monitor without a measure where the nodes are unknowns.
     """
     check_problem(problem)
     if nodes is not None:
-        check_nodes(nodes)
+        check_breaks(problem.name, check_nodes(nodes), problem.breaks)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
     given: dict[str, Any] = {"guess": guess, "parameters": parameters}
     if options is not None:
         given["options"] = options
+    chosen_by_name = chosen_scheme(scheme, method, options)
+    if chosen_by_name is not None:
+        given["scheme"] = chosen_by_name
+        method = "direct" if method == "auto" else method
+    if not replay:
+        if nodes is None or method not in ("auto", "direct") or monitor is not None:
+            raise ProblemError(
+                f"replay = False with nodes = {nodes}, method = {method!r}; allowed: a number of nodes, and method = "
+                "'auto' or 'direct': the others decide by the replay"
+            )
+        return solve(problem, nodes, replay=False, **given)
     if method in ("auto", "hp") and monitor is None:
         if method == "auto":
             return automatic(problem, nodes, tolerance=tolerance, **given)
         return hp(problem, nodes or MOST_NODES, tolerance=TOLERANCE if tolerance is None else tolerance, **given)
-    nodes = NODES if nodes is None else nodes
+    nodes = max(NODES, len(problem.breaks) + 2) if nodes is None else nodes
     within = tolerance if tolerance is not None else REFINED if method == "refine" else GIVEN_NODES
     if method in _DEFAULT_MONITORS:
         chosen = _DEFAULT_MONITORS[method] if monitor is None else _monitor(monitor)
@@ -184,7 +203,7 @@ def solve_by(
     if method == "refine":
         return refine(
             problem,
-            min(_FIRST_NODES, nodes),
+            min(max(_FIRST_NODES, len(problem.breaks) + 2), nodes),
             most_nodes=nodes,
             tolerance=within,
             **given,

@@ -40,15 +40,16 @@ import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.defects import defects, running_costs
-from mathnavi.controllers.ocp.grid import check_nodes, uniform
+from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import control_variations
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed
+from mathnavi.controllers.ocp.methods.switching_gaps import switching_gaps
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
-from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
+from mathnavi.controllers.ocp.solver import FIXED, Options, nodes_of_instants, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
@@ -60,9 +61,12 @@ _CONVEX = 1e-9  # least eigenvalue of H_uu over its largest along the solution
 
 
 def suboptimality(solution: Solution) -> float:
-    """Estimate of J - J*, in units of J; infinite where a limit is active, or H_uu does not determine a control."""
+    """Estimate of J - J*, in units of J.
+
+    Infinite where a limit is active, H_uu does not determine a control, or costates jump at given times.
+    """
     problem, scheme, d = solution.problem, solution.scheme, np.diff(solution.t)
-    if not problem.nu or len(scheme.points) < 2 or _restrained(solution):
+    if not problem.nu or len(scheme.points) < 2 or problem.instants is not None or _restrained(solution):
         return math.inf
     abscissae, share = gauss_legendre(_POINTS)
     c, b = 0.5 * (abscissae + 1.0), 0.5 * share
@@ -184,8 +188,8 @@ class _Plan:
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
-        arcs = Arcs(intervals, *known.limits(problem), weights)
-        made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known))
+        arcs, at = Arcs(intervals, *known.limits(problem), weights), nodes_of_instants(problem, self.mesh.grid)
+        made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known), at)
         return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 
     def added(self, solution: Solution) -> float:
@@ -235,11 +239,12 @@ def hp(
     plan, current = _first(problem, most_nodes, guess, parameters, options)
     if not current.solved:
         return dataclasses.replace(_explained(current, problem, guess, parameters, options), method="hp")
-    allowed, change, visited, free, bent = _MARGIN * tolerance, math.inf, [plan.structure], False, 0
+    allowed, change, visited, bent = _MARGIN * tolerance, math.inf, [plan.structure], 0
+    free = bool(problem.breaks)  # a boundary that moves would move them too: switches between them are narrowed down
     failures = 0
     for number in range(_ROUNDS):
         known, seen, own = defects(current), structure(current), plan.placed(current)
-        errors = interval_errors(current, known)
+        errors = interval_errors(current, known, switching_gaps(current) if problem.breaks else None)
         visits = sum(seen.same(other) for other in visited)
         coarse = len(own) > 1 and errors.total > _COARSE  # a mesh that is too coarse shows arcs that are none
         settled = (
@@ -303,9 +308,9 @@ def _first(
     The grid is that of the guess, or a uniform one.
     """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
-    starts = [(uniform(min(nodes, most_nodes)), count) for nodes, count in _STARTS]
+    starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
     if guess is not None and len(guess.grid) <= most_nodes:
-        starts.insert(0, (guess.grid, _STARTS[0][1]))
+        starts.insert(0, (on_breaks(guess.grid, problem.breaks), _STARTS[0][1]))
     for grid, count in starts:
         plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, options)
@@ -329,7 +334,7 @@ def _next(
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     last = HpMesh.from_solution(current)
-    nodes = last.with_boundaries(following.structure.boundaries, len(current.grid))
+    nodes = last.with_boundaries(np.append(following.structure.boundaries, problem.breaks), len(current.grid))
     tries = (
         following,
         dataclasses.replace(following, smoothing=weight, every=True),

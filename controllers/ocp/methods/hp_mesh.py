@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.defects import Defects
 from mathnavi.controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp.methods.switching_gaps import switches_at_nodes
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
@@ -37,6 +38,7 @@ class IntervalErrors:
 
     own: Array  # the larger of its scaled defect and its relative share in the error of J
     path: Array  # scaled violation of the states' bounds and path constraints between points
+    gaps: Array  # relative share in J that a switch inside of it costs, part of ``own``
 
     @property
     def total(self) -> float:
@@ -79,14 +81,15 @@ class HpMesh:
         return np.array_equal(self.counts, other.counts)
 
 
-def interval_errors(solution: Solution, found: Defects) -> IntervalErrors:
-    """Errors of the intervals of a solution, from its defects."""
+def interval_errors(solution: Solution, found: Defects, gaps: Array | None = None) -> IntervalErrors:
+    """Errors of the intervals of a solution, from its defects and, where given, its ``switching_gaps`` (N - 1,)."""
     scale = max(abs(solution.cost), TINY)
     after = np.vstack([solution.costates[1:], solution.costates[-1:]]) * solution.problem.state_scale
     with np.errstate(invalid="ignore"):
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale
-    own = np.maximum(np.abs(found.states).max(axis=1), share)
-    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path)
+    relative = np.zeros(len(share)) if gaps is None else gaps / scale
+    own = np.maximum(np.abs(found.states).max(axis=1), np.maximum(share, relative))
+    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path, relative)
 
 
 def meshed(
@@ -96,7 +99,8 @@ def meshed(
 
     Where the error is too large nearly everywhere, all intervals get a point more. Else each one whose error is too
     large gets points where its solution is smooth, nodes where it is not; one whose error would be small enough with
-    a point less loses it, and neighbours whose error would be small enough as one are joined.
+    a point less loses it, and neighbours whose error would be small enough as one are joined. One with a switch inside
+    is divided, and a node at which a control switches is kept.
 
     Args:
         solution: the last round's.
@@ -107,28 +111,33 @@ def meshed(
         hard: True if a solve failed before: the mesh grows more slowly.
     """
     mesh = HpMesh.from_solution(solution)
+    fixed = np.concatenate([structure.boundaries, solution.problem.breaks])
+    if errors.gaps.any():
+        fixed = np.concatenate([fixed, switches_at_nodes(solution)])
+    fixed = np.unique(fixed)
     counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
     everywhere, asymptotic = not 0.0 < large.mean() <= 0.5, errors.total < _ASYMPTOTIC
-    full = len(nodes) >= most_nodes
-    if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not violated.any()) or full):
+    full, switching = len(nodes) >= most_nodes, errors.gaps > each
+    if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not (violated | switching).any()) or full):
         raised = np.where(counts < MOST_COUNT, counts + 1, counts)
-        return HpMesh(mesh.grid, raised).with_boundaries(structure.boundaries, most_nodes)
+        return HpMesh(mesh.grid, raised).with_boundaries(fixed, most_nodes)
     # Two parts with a point more each, for want of both.
-    both = everywhere and not asymptotic and bool((counts < MOST_COUNT).any())
+    both = everywhere and not asymptotic and bool((counts < MOST_COUNT).any()) and not switching.any()
     decays = _decays(solution)
-    counts, raised = _degrees(counts, decays, errors, each, large & ~violated, both=both)
+    counts, raised = _degrees(counts, decays, errors, each, large & ~violated & ~switching, both=both)
     order = 2 * mesh.counts
     parts = np.where(large, np.ceil((np.minimum(errors.own, 1.0) / each) ** (1.0 / order)), 1.0)
     parts = np.where(large & ~raised, np.clip(parts, 2, 2 if hard or both else _MOST_PARTS), 1).astype(int)
     parts[violated] = np.maximum(parts[violated], 2)
+    parts[switching] = _MOST_PARTS
     if not (large.any() or violated.any()):
         parts[:] = 2
     parts[widths < _NARROWEST] = 1
     # Where a constraint is active, neighbours stay: joined, they would violate it and be divided again.
     own = errors.own + np.where(errors.path > 0.0, each, 0.0)
-    kept = _without_idle(nodes, own, parts, counts, each, structure.boundaries)
+    kept = _without_idle(nodes, own, parts, counts, each, fixed)
     spare = most_nodes - len(kept)
     pieces, of_pieces = [], []
     worst = np.argsort(-np.where(parts > 1, errors.own + errors.path, -1.0))
@@ -142,7 +151,7 @@ def meshed(
         pieces.append(np.linspace(start, end, n + 1)[:-1])
         of_pieces += [counts[i]] * n
     grid = Grid(np.append(np.concatenate(pieces), 1.0))
-    return HpMesh(grid, np.array(of_pieces)).with_boundaries(structure.boundaries, most_nodes)
+    return HpMesh(grid, np.array(of_pieces)).with_boundaries(fixed, most_nodes)
 
 
 def _degrees(

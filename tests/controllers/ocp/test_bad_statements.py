@@ -18,7 +18,7 @@ from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
-from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.controllers.ocp.solver import Options, transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
 from mathnavi.interfaces.errors import ProblemError
 from tests.controllers.ocp.statements import integrator
@@ -56,6 +56,16 @@ OTHER = ca.SX.sym("x")
         (lambda ocp, x, u: ocp.dynamics("x", u), "dynamics of = 'x'; allowed: an SX expression"),
         (lambda ocp, x, u: ocp.dynamics(x, {"u": 1}), "dynamics of x = {'u': 1}; allowed"),
         (lambda ocp, x, u: ocp.dynamics(x, ca.MX.sym("m")), "dynamics of x = m, an MX expression; allowed: SX"),
+        (lambda ocp, x, u: ocp.dynamics(x, u + ca.MX.sym("m")), "u is an SX expression and m an MX one, which"),
+        (lambda ocp, x, u: ocp.constrain(ca.MX.sym("m") <= x), "x is an SX expression and m an MX one"),
+        (lambda ocp, x, u: ocp.start(x, 2 * ca.MX.sym("m") @ u), "u is an SX expression and (2.*m) an MX one"),
+        (lambda ocp, x, u: ocp.constrain([x <= 1, ca.MX.sym("m")]), "path constraint = m, an MX expression; allowed"),
+        (lambda ocp, x, u: ocp.initial(OTHER), "initial: x is not a state"),
+        (lambda ocp, x, u: ocp.periodic(OTHER), "periodic: x is not a state"),
+        (lambda ocp, x, u: ocp.guess(OTHER, 1.0), "guess of x; allowed: x, y[0]"),
+        (lambda ocp, x, u: ocp.integral(ca.SX.sym("z")), "dynamics of integral 1 depends on z, which is not among"),
+        (lambda ocp, x, u: ocp.absolute(ca.SX.sym("z")), "path constraint |z| depends on z, which is not among its"),
+        (lambda ocp, x, u: ocp.largest(x, ca.SX.sym("z")), "depends on z, which is not among its symbols; allow"),
         (lambda ocp, x, u: ocp.dynamics(x, OTHER), "dynamics of x depends on x (x of another problem)"),
         (lambda ocp, x, u: ocp.dynamics(x, ca.SX.sym("stranger")), "depends on stranger, which is not among"),
         (lambda ocp, x, u: ocp.minimise(terminal=u), "the terminal cost depends on u, which is not among its symbols"),
@@ -180,6 +190,16 @@ def test_a_problem_in_place_of_its_functions_is_refused(call: Callable[[Any], ob
         (lambda ocp: ocp.solve(5, parameters={"q": 1}), "parameter 'q' is not known; allowed: k"),
         (lambda ocp: solve(ocp.functions(), 5, parameters={"k": 1.0}), "parameters = {'k': 1.0}; allowed: (1,)"),  # type: ignore[arg-type]
         (lambda ocp: ocp.solve(5, guess=[1.0]), "guess = [1.0]; allowed: a Solution"),
+        (lambda ocp: ocp.solve(5, scheme="radau"), "scheme = 'radau'; did you mean Radau? allowed: Herm"),
+        (lambda ocp: ocp.solve(5, scheme=3), "scheme = 3; allowed: Hermite-Simpson, trapezoid, Radau,"),  # type: ignore[arg-type]
+        (
+            lambda ocp: ocp.solve(5, method="hp", scheme="Radau"),
+            "scheme = 'Radau' with method = 'hp': it collocates by Radau's scheme; allowed: method = 'auto'",
+        ),
+        (
+            lambda ocp: ocp.solve(method="hp", options=Options(backend="fatrop")),
+            "backend = 'fatrop' with method = 'hp': it collocates by Radau's scheme, whose steps FATROP cannot",
+        ),
     ],
 )  # fmt: skip
 def test_bad_arguments_of_a_solve_are_refused(call: Callable[[OptimalControlProblem], object], named: str) -> None:

@@ -69,6 +69,10 @@ def test_a_comparison_along_the_path_holds(
         (lambda ocp, x, T: ocp.end_constraint(ocp.bounded(2, x, 5)), 2.0),
         (lambda ocp, x, T: ocp.end_constraint(x - 4), 4.0),
         (lambda ocp, x, T: ocp.end_constraint(x, lower=2, upper=4), 2.0),
+        (lambda ocp, x, T: ocp.end_constraint(x, upper=3), 0.5),
+        (lambda ocp, x, T: ocp.end_constraint(x, upper=-3), -3.0),
+        (lambda ocp, x, T: ocp.end_constraint(x, lower=-3), 0.5),
+        (lambda ocp, x, T: ocp.start_constraint(x, upper=3), 0.5),
         (lambda ocp, x, T: ocp.end_constraint(x <= 5), 0.5),
     ],
 )

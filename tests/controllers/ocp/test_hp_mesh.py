@@ -29,8 +29,15 @@ def switching() -> Solution:
     return dataclasses.replace(solution, u=u)
 
 
-def next_mesh(solution: Solution, own: dict[int, float], path: dict[int, float] | None = None) -> HpMesh:
-    errors = IntervalErrors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1))
+def next_mesh(
+    solution: Solution,
+    own: dict[int, float],
+    path: dict[int, float] | None = None,
+    gaps: dict[int, float] | None = None,
+) -> HpMesh:
+    errors = IntervalErrors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1), np.zeros(NODES - 1))
+    for i, value in (gaps or {}).items():
+        errors.gaps[i] = errors.own[i] = value
     for i, value in own.items():
         errors.own[i] = value
     for i, value in (path or {}).items():
@@ -57,6 +64,13 @@ def test_an_interval_that_would_need_too_many_points_is_divided(switching: Solut
 def test_a_violated_constraint_gets_nodes_even_where_all_is_smooth(switching: Solution) -> None:
     mesh = next_mesh(switching, {5: 10.0 * EACH}, {5: 1e-3})
     assert np.abs(mesh.grid.nodes - 0.5 * (switching.grid.nodes[5] + switching.grid.nodes[6])).min() < 1e-12
+    assert set(mesh.counts.tolist()) == {4}
+
+
+def test_a_switch_inside_of_a_smooth_interval_gets_nodes(switching: Solution) -> None:
+    mesh = next_mesh(switching, {}, gaps={5: 10.0 * EACH})
+    inside = (mesh.grid.nodes > switching.grid.nodes[5]) & (mesh.grid.nodes < switching.grid.nodes[6])
+    assert inside.sum() == 3
     assert set(mesh.counts.tolist()) == {4}
 
 

@@ -40,6 +40,11 @@ def cut(first: Begin, second: Begin) -> tuple[MultiPhaseProblem, OptimalControlP
     return problem, a, b
 
 
+def bare(problem: MultiPhaseProblem) -> OptimalControlProblem:
+    """A phase more, without a state."""
+    return problem.phase("bare")
+
+
 def test_the_optimum_does_not_depend_on_where_the_phases_are_cut() -> None:
     problem, _, _ = cut(lambda a: a.duration(0.3), lambda b: b.duration(0.7))
     found = problem.solve(9)
@@ -182,7 +187,25 @@ def test_multipliers_of_a_phase_are_those_of_the_problem_in_one_phase() -> None:
     [
         (lambda problem, a, b: problem.phase("a"), "cut in two: phase 'a' is empty or taken; allowed: other than"),
         (lambda problem, a, b: problem.link(a, OptimalControlProblem("c")), "is not one of its phases; allowed: ['a'"),
-        (lambda problem, a, b: problem.link(a, b, jumps={"m": 1.0}), "a to b: jump of m; allowed: x, v"),
+        (
+            lambda problem, a, b: problem.link(a, b, jumps={"m": 1.0}),
+            "a to b: jump of m: m is no state of either phase; allowed: jumps of x, v, the states of both phases",
+        ),
+        (lambda problem, a, b: problem.link(a, b, jumps={"u": 1.0}), "jump of u: u is a control of a; allowed"),
+        (
+            lambda problem, a, b: [a.state("s"), problem.link(a, b, jumps={"s": -100})],
+            "jump of s: s is a state of a only; allowed: jumps of x, v, the states of both",
+        ),
+        (
+            lambda problem, a, b: [b.start(b.statement.states[1].symbol, 0), problem.link(a, b, jumps={"v": 1})],
+            "jump of v: v is started by b itself; allowed: jumps of x, the states of both",
+        ),
+        (
+            lambda problem, a, b: [b.start(b.statement.x, 0), problem.link(a, b)],
+            "a to b: x, v of b: each has a start of its own; allowed: at least one state of both phases that",
+        ),
+        (lambda problem, a, b: problem.link(a, bare(problem)), "a to bare: no state in common; allowed: phases with"),
+        (lambda problem, a, b: problem.unknown("x"), "a: variable 'x' is empty or taken"),
         (lambda problem, a, b: problem.couple(ca.SX.sym("z") == 1), "coupling (z==1) depends on z"),
         (lambda problem, a, b: problem.couple(a.statement.states[0].symbol <= math.inf), "is no limit"),
         (lambda problem, a, b: [problem.phase("c").state("x"), problem.solve(5)], "phase c has no duration"),

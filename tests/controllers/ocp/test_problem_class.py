@@ -11,8 +11,11 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp import hp
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 from tests.controllers.ocp.statements import double_integrator
@@ -357,3 +360,79 @@ def test_functions_are_compiled_anew_only_where_something_is_stated() -> None:
     assert ocp.functions().guess_states[0, 0] == 1.0
     level = 2.0
     assert ocp.functions().guess_states[0, 0] == 2.0
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_the_duration_may_stand_in_dynamics_cost_and_constraints(free: bool) -> None:
+    ocp = OptimalControlProblem("T everywhere")
+    x, u = ocp.state("x"), ocp.control("u")
+    T = ocp.free_duration(guess=2.0, lower=1.0, upper=4.0) if free else ocp.duration(2.0)
+    ocp.minimise(running=u**2 * ocp.duration, terminal=T)
+    ocp.dynamics(x, u * T)
+    ocp.constrain(u <= 9 * T)
+    ocp.start(x, 0.0 * T)
+    ocp.end(x, 1.0)
+    found = ocp.solve(5)
+    # u = 1 / T^2, so J = T^-2 + T.
+    assert found.ok
+    assert found.duration == pytest.approx(2.0 ** (1.0 / 3.0) if free else 2.0, abs=1e-6)
+    assert found.cost == pytest.approx(found.duration**-2 + found.duration, abs=1e-8)
+    assert found.replay is not None
+    assert found.replay.miss < 1e-9
+
+
+def test_the_duration_of_a_phase_and_its_own_time_may_stand_in_its_dynamics() -> None:
+    problem = MultiPhaseProblem("clock")
+    for name in "ab":
+        phase = problem.phase(name)
+        own, whole = phase.state("own"), phase.state("whole")
+        T = phase.free_duration(guess=1.0, lower=0.5, upper=2.0)
+        phase.dynamics(own, phase.elapsed / T**2)
+        phase.dynamics(whole, phase.t)
+        phase.start(own, 0.0)
+        phase.end_constraint(T == 1.0)
+        if name == "a":
+            phase.start(whole, 0.0)
+            first = phase
+    problem.link(first, phase)
+    found = problem.solve(5)
+    assert found["b"]["own"][-1] == pytest.approx(0.5)
+    assert found["b"]["whole"][-1] == pytest.approx(2.0)
+    for each in "ab":
+        assert found[each].replay.miss < 1e-9  # type: ignore[union-attr]
+
+
+def test_fatrop_is_chosen_with_the_scheme_that_it_needs() -> None:
+    ocp = OptimalControlProblem("pushed")
+    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(ca.vertcat(x, v), ca.vertcat(v, u))
+    ocp.start(ca.vertcat(x, v), 0.0)
+    ocp.end(ca.vertcat(x, v), [1.0, 0.0])
+    found = ocp.solve(21, options=Options(backend="fatrop"))
+    assert found.ok
+    assert found.scheme.name == "multiple shooting"
+    assert found.cost == pytest.approx(ocp.solve(21, scheme="multiple shooting").cost, abs=1e-6)
+    assert ocp.solve(21, scheme="Gauss-Legendre", method="redistribute").scheme.name == "Gauss-Legendre of order 6"
+
+
+def test_a_solve_without_a_replay_is_at_best_converged() -> None:
+    ocp = OptimalControlProblem("pushed")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, ocp.parameter("x0", 0.0))
+    ocp.end(x, 1.0)
+    full, plain = ocp.solve(5), ocp.solve(5, replay=False)
+    assert full.status is SolverOutcome.OPTIMAL
+    assert plain.status is SolverOutcome.CONVERGED
+    assert plain.replay is None
+    assert not plain.ok
+    np.testing.assert_array_equal(plain.x, full.x)
+    refused = r"replay = False with nodes = .*; allowed: a number of nodes"
+    with pytest.raises(ProblemError, match=refused):
+        ocp.solve(replay=False)
+    with pytest.raises(ProblemError, match=refused):
+        ocp.solve(5, method="refine", replay=False)

@@ -2,7 +2,8 @@
 
 A row for each state (its costate next to it), each control (next to it H_u, and the multiplier of its bounds) and each
 path constraint (its multiplier), then the Hamiltonian and the error of each interval over the mesh. Dots are nodes,
-dotted lines are limits, and the background is tinted where a limit is active.
+dotted lines are limits, and the background is tinted where a limit is active. Beside the Hamiltonian stands what
+``check_pontryagin`` says of it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues
+from mathnavi.controllers.ocp.pontryagin import PontryaginCheck
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
@@ -61,6 +63,8 @@ class SolutionView(Protocol):
     def interval_errors(self) -> Array | None: ...
     @property
     def headline(self) -> str: ...
+    @property
+    def conditions(self) -> PontryaginCheck | None: ...
     def state(self, t: Array) -> Array: ...
     def control(self, t: Array) -> Array: ...
 
@@ -109,7 +113,9 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
         _mesh(panels[-1, 1], solution)
         for axes in panels[-1]:
             axes.set(xlabel="time [s]", xlim=(0.0, solution.duration))
-        figure.suptitle(solution.headline, x=0.01, ha="left", fontsize=10.5, weight="bold")
+        violated = [] if solution.conditions is None else solution.conditions.violated
+        title = "; ".join([solution.headline, *(str(each) for each in violated)])
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, weight="bold")
     figure.set_facecolor("white")
     return figure
 
@@ -196,7 +202,9 @@ def _hamiltonian(axes: Axes, solution: SolutionView) -> None:
     least = 0.02 * max(abs(middle), float(terms.max()))
     if spread < least:
         axes.set_ylim(middle - least, middle + least)
-    _note(axes, f"{middle:.6g} ± {0.5 * spread:.1g}")
+    judged = [] if solution.conditions is None else solution.conditions.conditions
+    found = [str(each) for each in judged if each.name in ("Hamiltonian", "duration")]
+    _note(axes, "; ".join([f"{middle:.6g}", *found]))
 
 
 def _mesh(axes: Axes, solution: SolutionView) -> None:

@@ -200,6 +200,9 @@ def test_nodes_inside_the_programme_end_where_they_do_from_any_start(name: str, 
         noise = 0.02 * np.random.default_rng(seed).standard_normal(even.x.shape) * problem.state_scale
         with perturbed_starts(seed):
             found = distribute(
-                problem, 15, Equidistributed(monitor, monitor.epsilon), guess=dataclasses.replace(even, x=even.x + noise)
+                problem,
+                15,
+                Equidistributed(monitor, monitor.epsilon),
+                guess=dataclasses.replace(even, x=even.x + noise),
             )
         assert found.cost == pytest.approx(cost, rel=1e-6)

@@ -125,14 +125,16 @@ def branched(
             parts = [work[i] for i in given]
             made = ca.SX.unary(code, *parts) if len(parts) == 1 else ca.SX.binary(code, *parts)
             if code in _BRANCHING and not made.is_constant():
-                place = _place(code, parts, made, *arguments[:2], found)
+                place = _place(code, parts, made, arguments, found)
                 side = branches[place] if place < len(branches) else np.nan
                 made = made if np.isnan(side) else _taken(code, parts, side)
             work[own[0]] = made
     return ca.vertcat(ca.SX(0, 1), *(results[k] for k in range(function.numel_out(0))))
 
 
-def _place(code: int, parts: list[ca.SX], made: ca.SX, x: ca.SX, u: ca.SX, found: list[SwitchingSurface]) -> int:
+def _place(
+    code: int, parts: list[ca.SX], made: ca.SX, arguments: Sequence[ca.SX], found: list[SwitchingSurface]
+) -> int:
     """Place among the surfaces of the one that an operation branches on; it is added if it is new."""
     level, step, offset = _level(code, parts)
     for place, other in enumerate(found):
@@ -140,7 +142,7 @@ def _place(code: int, parts: list[ca.SX], made: ca.SX, x: ca.SX, u: ca.SX, found
             return place
     text = _text(made)
     text = text if len(text) <= _TEXT else f"{text[: _TEXT - 3]}..."
-    by_state, by_control = ca.depends_on(level, x), ca.depends_on(level, u)
+    by_state, by_control = (ca.depends_on(level, each) for each in arguments[:2])
     found.append(SwitchingSurface(text, level, step, offset, by_state, by_control))
     return len(found) - 1
 
@@ -151,7 +153,7 @@ def _text(made: ca.SX) -> str:
     while text.startswith("@"):
         head, _, text = text.partition(", ")
         name, _, value = head.partition("=")
-        text = re.sub(rf"{name}(?!\d)", lambda _, value=value: value, text)
+        text = value.join(re.split(rf"{name}(?!\d)", text))
     return text
 
 

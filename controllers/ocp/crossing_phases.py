@@ -125,7 +125,12 @@ def _cut(solution: Solution, surfaces: Surfaces, crossed: Sequence[Crossing]) ->
         for k in {each.surface for each in crossed}:
             branches[k] = _level_at(surfaces, solution, 0.5 * (ends[a] + ends[a + 1]))[k]
     made = [
-        branched(surfaces.rows, [own_x[a], u[a * nu : (a + 1) * nu], begins[a] + tau * T_a[a], p], [*surfaces.every], b)
+        branched(
+            surfaces.rows,
+            [own_x[a], u[a * nu : (a + 1) * nu], begins[a] + tau * T_a[a], p],
+            [*surfaces.every],
+            b.tolist(),
+        )
         for a, b in enumerate(levels)
     ]
     rows = [part for part in made if part is not None]

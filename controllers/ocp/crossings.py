@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.controllers.ocp.switching_surfaces import Surfaces, SwitchingSurface, steps_passed, surfaces_of
 from mathnavi.interfaces.signals import Array
 
@@ -55,7 +55,7 @@ class _Samples(NamedTuple):
     sizes: Array  # (n, m)
 
 
-def crossings(solution: Solution) -> tuple[Crossing, ...]:
+def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
     """All crossings of a solution's trajectory in the order of time; none where its problem is smooth."""
     surfaces = surfaces_of(solution.problem)
     if surfaces is None or not np.isfinite(solution.x).all():
@@ -72,14 +72,14 @@ def crossings(solution: Solution) -> tuple[Crossing, ...]:
     return tuple(sorted(found, key=lambda each: each.time))
 
 
-def not_smooth(solution: Solution) -> tuple[str, ...]:
+def not_smooth(solution: SolutionView) -> tuple[str, ...]:
     """Crossings inside intervals in words, the first few."""
     inside = [str(each) for each in crossings(solution) if each.inside]
     more = len(inside) - _MOST
     return (*inside[:_MOST], f"{more} more") if more > 0 else tuple(inside)
 
 
-def _levels(surfaces: Surfaces, solution: Solution, t: Array) -> tuple[Array, Array]:
+def _levels(surfaces: Surfaces, solution: SolutionView, t: Array) -> tuple[Array, Array]:
     """Levels and their sizes (n, m) at times (n,)."""
     x, u = solution.state(t), solution.control(t)
     p = np.tile(solution.parameters[:, None], (1, len(t)))
@@ -87,7 +87,7 @@ def _levels(surfaces: Surfaces, solution: Solution, t: Array) -> tuple[Array, Ar
     return np.array(g.full()).T, np.array(size.full()).T
 
 
-def _of_surface(surfaces: Surfaces, solution: Solution, samples: _Samples, sides: _Sides, k: int) -> list[Crossing]:
+def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, sides: _Sides, k: int) -> list[Crossing]:
     surface, g = surfaces.every[k], samples.levels[:, k]
     passed = steps_passed(surface, g)
     away = (
@@ -110,7 +110,7 @@ def _of_surface(surfaces: Surfaces, solution: Solution, samples: _Samples, sides
     return found
 
 
-def _inside(surface: SwitchingSurface, solution: Solution, time: float, jump: bool) -> bool:
+def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump: bool) -> bool:
     """True for a crossing that no node resolves.
 
     Where a state takes part in a jump, a node that happens to be there is not enough: the programme has to hold it on
@@ -122,14 +122,14 @@ def _inside(surface: SwitchingSurface, solution: Solution, time: float, jump: bo
     return jump and surface.by_state and i not in solution.surface_nodes
 
 
-def _at_node(solution: Solution, time: float) -> float:
+def _at_node(solution: SolutionView, time: float) -> float:
     """The time [s] of the node at a time; the time itself where there is none."""
     i = int(np.abs(solution.t - time).argmin())
     width = np.diff(solution.t)[max(i - 1, 0) : i + 1].min()
     return float(solution.t[i]) if abs(solution.t[i] - time) <= 2.0 * _EDGE * width else time
 
 
-def _passage(surfaces: Surfaces, solution: Solution, between: tuple[float, float], k: int) -> float:
+def _passage(surfaces: Surfaces, solution: SolutionView, between: tuple[float, float], k: int) -> float:
     """Time at which a level passes a step between two times, by bisection."""
     low, high = between
     surface = surfaces.every[k]
@@ -144,7 +144,7 @@ def _passage(surfaces: Surfaces, solution: Solution, between: tuple[float, float
 class _Sides:
     """Functions of a problem on both sides of its surfaces, compared with their largest values along a trajectory."""
 
-    def __init__(self, surfaces: Surfaces, solution: Solution, t: Array) -> None:
+    def __init__(self, surfaces: Surfaces, solution: SolutionView, t: Array) -> None:
         self._surfaces, self._solution, problem = surfaces, solution, solution.problem
         self._scale = np.concatenate([problem.state_scale, problem.control_scale, [solution.duration]])
         values, slopes = self._at(solution.state(t), solution.control(t), t)

@@ -44,7 +44,7 @@ from mathnavi.controllers.ocp.pontryagin_terms import (
     switching_terms,
 )
 from mathnavi.controllers.ocp.problem_functions import Interval
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.controllers.ocp.switching_surfaces import surfaces_of
 from mathnavi.controllers.ocp.transcriptions.variable_radau import (
     interval_integral_weights,
@@ -141,7 +141,7 @@ class PontryaginCheck:
         return f"Pontryagin's conditions of {self.problem}, residuals up to {self.tolerance:g}", rows
 
 
-def check_pontryagin(solution: Solution, *, tolerance: float = TOLERANCE) -> PontryaginCheck:
+def check_pontryagin(solution: SolutionView, *, tolerance: float = TOLERANCE) -> PontryaginCheck:
     """Judge Pontryagin's conditions along a direct solution.
 
     Args:
@@ -169,7 +169,7 @@ def _not_judged(name: str, reason: str) -> OptimalityCondition:
 class _Judge:
     """The terms of the conditions at the scheme's points (N - 1, k, ...), and the verdicts from them."""
 
-    def __init__(self, solution: Solution, tolerance: float) -> None:
+    def __init__(self, solution: SolutionView, tolerance: float) -> None:
         self.solution, self.problem, self.tolerance = solution, solution.problem, tolerance
         problem, m = self.problem, solution.multipliers
         self.count, self.k = solution.u.shape[:2]
@@ -512,7 +512,7 @@ def _beyond(values: Array, at_upper: Flags, at_lower: Flags) -> Array:
     return np.select(outside, parts, values)
 
 
-def _path_values(solution: Solution) -> Array:
+def _path_values(solution: SolutionView) -> Array:
     times = solution.point_times.ravel()
     x, u = solution.inner.reshape(len(times), -1), solution.u.reshape(len(times), -1)
     p = np.tile(solution.parameters[:, None], (1, len(times)))

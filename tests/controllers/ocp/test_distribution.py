@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -17,8 +18,8 @@ from mathnavi.controllers.ocp.distribution import (
 )
 from mathnavi.controllers.ocp.methods.adaptation import distribute, gated, redistribute, refine, solve, worse_figures
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
-from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short, van_der_pol
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
@@ -184,17 +185,18 @@ def test_what_makes_no_sense_is_refused_with_what_is_allowed(wrong: object) -> N
 
 
 @pytest.mark.parametrize(
-    ("name", "monitor", "cost"),
+    ("stated", "monitor", "cost"),
     [
-        ("hypersensitive, short", ARCLENGTH, 1.551043),
-        ("hypersensitive, short", CURVATURE, 1.332641),
-        ("van der Pol", CURVATURE, 3.174157),
+        (hypersensitive_short, ARCLENGTH, 1.551043),
+        (hypersensitive_short, CURVATURE, 1.332641),
+        (van_der_pol, CURVATURE, 3.174157),
     ],
-    ids=lambda value: getattr(value, "name", str(value)),
 )
-def test_nodes_inside_the_programme_end_where_they_do_from_any_start(name: str, monitor: Monitor, cost: float) -> None:
+def test_nodes_inside_the_programme_end_where_they_do_from_any_start(
+    stated: Callable[[], ProblemFunctions], monitor: Monitor, cost: float
+) -> None:
     """From the programme's cold start three starts end in three minima."""
-    problem = OptimalControlProblem(name).functions()
+    problem = stated()
     even = solve(problem, 15, tolerance=1e3)
     for seed in range(3):
         noise = 0.02 * np.random.default_rng(seed).standard_normal(even.x.shape) * problem.state_scale

@@ -2,7 +2,8 @@
 
 A row for each state (its costate next to it), each control (next to it H_u, and the multiplier of its bounds) and each
 path constraint (its multiplier), then the Hamiltonian and the error of each interval over the mesh. Dots are nodes,
-dotted lines are limits, and the background is tinted where a limit is active.
+dotted lines are limits, and the background is tinted where a limit is active. Beside the Hamiltonian stands what
+``check_pontryagin`` says of it.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues
-from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.pontryagin import PontryaginCheck
+from mathnavi.controllers.ocp.problem_functions import Interval
+from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
 from mathnavi.interfaces.signals import Array
@@ -36,36 +39,14 @@ _BEFORE = 1.0 - 1e-9  # of an interval: just before a node, where a control may 
 STATE, CONTROL, CONSTRAINT, DUAL = SERIES[0], SERIES[1], SERIES[4], SERIES[2]
 
 
-class SolutionView(Protocol):
-    """Interface of a solution as a figure needs it."""
+class JudgedSolution(SolutionView, Protocol):
+    """Interface of a solution as a figure needs it: with what is said of Pontryagin's conditions."""
 
     @property
-    def problem(self) -> ProblemFunctions: ...
-    @property
-    def parameters(self) -> Array: ...
-    @property
-    def duration(self) -> float: ...
-    @property
-    def t(self) -> Array: ...
-    @property
-    def point_times(self) -> Array: ...
-    @property
-    def point_shares(self) -> Array: ...
-    @property
-    def multipliers(self) -> Multipliers: ...
-    @property
-    def hamiltonian(self) -> Array: ...
-    @property
-    def rates(self) -> Array: ...
-    @property
-    def interval_errors(self) -> Array | None: ...
-    @property
-    def headline(self) -> str: ...
-    def state(self, t: Array) -> Array: ...
-    def control(self, t: Array) -> Array: ...
+    def conditions(self) -> PontryaginCheck | None: ...
 
 
-def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure:
+def solution_figure(solution: JudgedSolution, names: Sequence[str] = ()) -> Figure:
     """Draw states, controls, path constraints with their multipliers, the Hamiltonian, and the errors over the mesh.
 
     ``names`` are the states, controls and path constraints that are drawn; empty means all of them.
@@ -109,7 +90,9 @@ def solution_figure(solution: SolutionView, names: Sequence[str] = ()) -> Figure
         _mesh(panels[-1, 1], solution)
         for axes in panels[-1]:
             axes.set(xlabel="time [s]", xlim=(0.0, solution.duration))
-        figure.suptitle(solution.headline, x=0.01, ha="left", fontsize=10.5, weight="bold")
+        violated = [] if solution.conditions is None else solution.conditions.violated
+        title = "; ".join([solution.headline, *(str(each) for each in violated)])
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, weight="bold")
     figure.set_facecolor("white")
     return figure
 
@@ -140,7 +123,7 @@ def _curve(axes: Axes, t: Array, values: Array, colour: str, title: str) -> None
         axes.set_ylim(values[0] - 0.5 * max(1.0, abs(values[0])), values[0] + 0.5 * max(1.0, abs(values[0])))
 
 
-def _nodes(axes: Axes, solution: SolutionView, t: Array, values: Array, colour: str) -> None:
+def _nodes(axes: Axes, solution: JudgedSolution, t: Array, values: Array, colour: str) -> None:
     places = np.searchsorted(t, solution.t)
     size = float(np.clip(60.0 / len(places), 1.6, 3.2))
     axes.plot(solution.t, values[places], "o", ms=size, mew=0.0, color=colour, clip_on=False, zorder=3)
@@ -155,13 +138,13 @@ def _limits(axes: Axes, limits: Interval, k: int, values: Array) -> None:
             axes.axhline(limit, color=BOUND, ls=(0, (1.0, 1.6)), lw=1.1, zorder=1)
 
 
-def _impulses(solution: SolutionView, multipliers: NamedValues, k: int, least: float) -> Array:
+def _impulses(solution: JudgedSolution, multipliers: NamedValues, k: int, least: float) -> Array:
     """Integral (N - 1,) of |μ| over every interval; zero where its total is not more than ``least``."""
     impulses: Array = (np.abs(multipliers.values[..., k]) * solution.point_shares).sum(axis=1)
     return impulses if impulses.sum() > least else 0.0 * impulses
 
 
-def _held(axes: Axes, solution: SolutionView, multipliers: Array, impulses: Array) -> None:
+def _held(axes: Axes, solution: JudgedSolution, multipliers: Array, impulses: Array) -> None:
     """Tint the intervals over which a limit is active: at most of their points, or with a large part of its effect."""
     strong = np.abs(multipliers) > ACTIVE * float(np.abs(multipliers).max(initial=0.0))
     held = ((strong.mean(axis=1) > 0.5) | (impulses > MUCH * impulses.sum())) & (impulses > 0.0)
@@ -188,7 +171,7 @@ def _multiplier(axes: Axes, times: Array, limits: Interval, multipliers: NamedVa
     axes.fill_between(times.ravel(), 0.0, values.ravel(), color=DUAL, alpha=0.18, lw=0.0)
 
 
-def _hamiltonian(axes: Axes, solution: SolutionView) -> None:
+def _hamiltonian(axes: Axes, solution: JudgedSolution) -> None:
     values, times = solution.hamiltonian, solution.point_times
     _curve(axes, times.ravel(), values.ravel(), INK, "Hamiltonian")
     middle, spread = float(np.median(values)), float(np.ptp(values))
@@ -196,10 +179,12 @@ def _hamiltonian(axes: Axes, solution: SolutionView) -> None:
     least = 0.02 * max(abs(middle), float(terms.max()))
     if spread < least:
         axes.set_ylim(middle - least, middle + least)
-    _note(axes, f"{middle:.6g} ± {0.5 * spread:.1g}")
+    judged = [] if solution.conditions is None else solution.conditions.conditions
+    found = [str(each) for each in judged if each.name in ("Hamiltonian", "duration")]
+    _note(axes, "; ".join([f"{middle:.6g}", *found]))
 
 
-def _mesh(axes: Axes, solution: SolutionView) -> None:
+def _mesh(axes: Axes, solution: JudgedSolution) -> None:
     """Draw the error of each interval on a log scale, and the nodes below."""
     t = solution.t
     errors = solution.interval_errors

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.grid import Mesh
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution import Solution, along
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 
@@ -43,6 +44,30 @@ class Monitor:
         """Raise ProblemError for a monitor without a measure, which cannot be part of a programme."""
         if self.measure is None:
             raise ProblemError(f"monitor = {self.name!r} has no measure; allowed: one that has, or a redistribution")
+
+
+def interval_measures(monitor: Monitor, solution: Solution, epsilon: float) -> Array:
+    """(N - 1) ∫ w dτ (N - 1,) of every interval of a solution, by the monitor's measure.
+
+    ProblemError for a monitor that has none.
+    """
+    problem, count, widths = solution.problem, solution.nodes - 1, solution.grid.widths
+    u = np.vstack([solution.u[:, 0], solution.u[-1:, -1]])
+    rates = along(problem, solution.x, u, solution.t, solution.parameters)
+    chords = np.diff(solution.x, axis=0) / problem.state_scale
+    second = np.diff(rates, axis=0) * solution.duration / widths[:, None] / problem.state_scale
+    known = (widths[None] * count, np.full((1, count), solution.duration), chords.T, second.T)
+    found = _measure(monitor, epsilon, count, problem.nx).map(count)(*known)
+    values: Array = np.array(found.full())[0]
+    return values
+
+
+@lru_cache(maxsize=64)
+def _measure(monitor: Monitor, epsilon: float, count: int, nx: int) -> ca.Function:
+    """(D, T, chord, second derivative) -> (N - 1) ∫ w dτ over an interval."""
+    D, T, chord, second = ca.SX.sym("D"), ca.SX.sym("T"), ca.SX.sym("chord", nx), ca.SX.sym("second", nx)
+    mesh = Mesh(count, ca.SX(0), D, T, chord, second)
+    return ca.Function("measure", [D, T, chord, second], [ca.densify(ca.SX(monitor.measured(mesh, epsilon)))])
 
 
 def _arclength_density(solution: Solution, tau: Array, epsilon: float) -> Array:

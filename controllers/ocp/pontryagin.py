@@ -2,6 +2,7 @@
 
 With H = L + λ'f, minimised, path constraints d with multipliers μ and states on their bounds with multipliers μ_x,
 
+    dynamics       x' = f(x, u): the miss of the replay, which has the tolerance of the solution
     adjoint        λ' = -(H_x + d_x'μ + μ_x): λ jumps where a limit of a state begins or ceases to hold, and falls by
                    Psi_k,x + c_k,x'ν_k at a given time
     stationarity   H_u + d_u'μ vanishes inside the bounds of u, is <= 0 at an upper and >= 0 at a lower one
@@ -11,6 +12,8 @@ With H = L + λ'f, minimised, path constraints d with multipliers μ and states 
     start, end     λ(0) + i_x'ν_0 = 0,  λ(T) = Psi_x + s_x'ν
     duration       H(T) + Psi_T + s_T'ν + κ = 0 for a free T, κ the multiplier of its bounds
     signs          a multiplier is 0 where its limit does not hold, >= 0 at an upper and <= 0 at a lower limit
+
+At a node on a switching surface g(x, t) = 0 (see ``crossing_phases``) λ may fall by ν g_x, where H rises by ν g_t.
 
 A control in which H is linear has a switching function H_u. Where that vanishes over an arc, the minimum does not
 determine the control; checked there is d(H_u)/dt = 0 and, for a single such control, -∂/∂u d²(H_u)/dt² >= 0 (Kelley). A
@@ -31,6 +34,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.pontryagin_terms import (
     controls_linear_in_hamiltonian,
@@ -42,7 +46,8 @@ from mathnavi.controllers.ocp.pontryagin_terms import (
     switching_terms,
 )
 from mathnavi.controllers.ocp.problem_functions import Interval
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution_view import SolutionView
+from mathnavi.controllers.ocp.switching_surfaces import surfaces_of
 from mathnavi.controllers.ocp.transcriptions.variable_radau import (
     interval_integral_weights,
     interval_points,
@@ -82,6 +87,10 @@ class OptimalityCondition:
     residual: float = math.nan  # NaN where it is not judged
     reason: str = ""  # why it is not judged
 
+    def __str__(self) -> str:
+        """The verdict in a few words, "Hamiltonian violated, 2.1e-01"."""
+        return f"{self.name} {self.verdict.value}, {self.reason or f'{self.residual:.1e}'}"
+
 
 @dataclass(frozen=True, repr=False)
 class PontryaginCheck:
@@ -94,12 +103,25 @@ class PontryaginCheck:
     @property
     def holds(self) -> bool:
         """True if no condition that can be judged is violated."""
-        return not any(condition.verdict is ConditionVerdict.VIOLATED for condition in self.conditions)
+        return not self.violated
+
+    @property
+    def violated(self) -> tuple[OptimalityCondition, ...]:
+        """The conditions that are violated."""
+        return tuple(condition for condition in self.conditions if condition.verdict is ConditionVerdict.VIOLATED)
 
     @property
     def not_judged(self) -> tuple[OptimalityCondition, ...]:
         """The conditions that cannot be judged, each with its reason."""
         return tuple(condition for condition in self.conditions if condition.verdict is ConditionVerdict.NOT_JUDGED)
+
+    @property
+    def summary(self) -> str:
+        """One line: the conditions that are violated, each with its residual; otherwise how many hold."""
+        if self.violated:
+            return "; ".join(str(each) for each in self.violated)
+        more = f", {len(self.not_judged)} not judged" if self.not_judged else ""
+        return f"{len(self.conditions) - len(self.not_judged)} hold{more}"
 
     def __getitem__(self, name: str) -> OptimalityCondition:
         """The condition of a name; KeyError names those that exist."""
@@ -121,7 +143,7 @@ class PontryaginCheck:
         return f"Pontryagin's conditions of {self.problem}, residuals up to {self.tolerance:g}", rows
 
 
-def check_pontryagin(solution: Solution, *, tolerance: float = TOLERANCE) -> PontryaginCheck:
+def check_pontryagin(solution: SolutionView, *, tolerance: float = TOLERANCE) -> PontryaginCheck:
     """Judge Pontryagin's conditions along a direct solution.
 
     Args:
@@ -149,7 +171,7 @@ def _not_judged(name: str, reason: str) -> OptimalityCondition:
 class _Judge:
     """The terms of the conditions at the scheme's points (N - 1, k, ...), and the verdicts from them."""
 
-    def __init__(self, solution: Solution, tolerance: float) -> None:
+    def __init__(self, solution: SolutionView, tolerance: float) -> None:
         self.solution, self.problem, self.tolerance = solution, solution.problem, tolerance
         problem, m = self.problem, solution.multipliers
         self.count, self.k = solution.u.shape[:2]
@@ -197,6 +219,7 @@ class _Judge:
         return joined
 
     def conditions(self) -> Iterator[OptimalityCondition]:
+        yield self._dynamics()
         yield self._adjoint()
         if self.problem.nu:
             yield self._judged("stationarity", self._stationarity())
@@ -212,6 +235,14 @@ class _Judge:
             ConditionVerdict.HOLDS if residual <= self.tolerance else ConditionVerdict.VIOLATED
         )  # NaN is none of them
         return OptimalityCondition(name, verdict, residual)
+
+    def _dynamics(self) -> OptimalityCondition:
+        s = self.solution
+        if s.replay is None:
+            return _not_judged("dynamics", "the solution is not replayed")
+        holds = s.replay.miss <= (s.tolerance if math.isfinite(s.tolerance) else self.tolerance)
+        verdict = ConditionVerdict.HOLDS if holds else ConditionVerdict.VIOLATED
+        return OptimalityCondition("dynamics", verdict, s.replay.miss)
 
     # the adjoint equation
 
@@ -260,9 +291,32 @@ class _Judge:
     def _adjoint(self) -> OptimalityCondition:
         first, second = self._forces()
         defect = np.diff(self._middle, axis=0) + second[:-1] + first[1:] + self._falls[1:-1]
+        for node, normal in self._normals.items():
+            defect[node - 1] += self._surface_multiplier(node) * normal[:-1]
         drift = np.vstack([np.zeros(self.problem.nx), np.cumsum(defect, axis=0)])
         apart = self.solution.grid.widths @ np.abs(drift - np.median(drift, axis=0))
         return self._judged("adjoint", float((apart / self._costate_size).max(initial=0.0)))
+
+    @cached_property
+    def _normals(self) -> dict[int, Array]:
+        """∂g/∂(x, t) (nx + 1,) of the switching surface on which each of the ``surface_nodes`` is."""
+        s, nx, surfaces = self.solution, self.problem.nx, surfaces_of(self.problem)
+        found = {}
+        for crossing in crossings(s) if s.surface_nodes else ():
+            node = int(np.abs(s.t - crossing.time).argmin())
+            if surfaces is not None and node in s.surface_nodes and not crossing.inside:
+                rows = np.array(surfaces.normals(s.x[node], s.u[node, 0], s.t[node], s.parameters).full())
+                found[node] = np.append(rows[crossing.surface, :nx], rows[crossing.surface, -1])
+        return found
+
+    def _surface_multiplier(self, node: int) -> float:
+        """ν of a surface: λ falls there by ν g_x, and H rises by ν g_t."""
+        first, second = self._forces()
+        jump = self._middle[node] - self._middle[node - 1] + second[node - 1] + first[node]
+        scale = self.problem.state_scale
+        normal = self._normals[node][:-1] * scale
+        length = float(normal @ normal)
+        return -float(normal @ (jump * scale)) / length if length > 0.0 else 0.0
 
     # the control
 
@@ -305,9 +359,10 @@ class _Judge:
         regular = free & ~np.array(self.linear)
         masked = self.H_uu * regular[..., :, None] * regular[..., None, :]
         size = max(float(np.abs(masked).max(initial=0.0)), _SMALL)
-        least = float(np.linalg.eigvalsh(masked).min(initial=0.0))
+        finite = bool(np.isfinite(masked).all())
+        least = float(np.linalg.eigvalsh(masked).min(initial=0.0)) if finite else math.nan
         if not all(self.linear):
-            yield self._judged("convexity", max(0.0, -least) / size)
+            yield self._judged("convexity", abs(min(least, 0.0)) / size)
         arcs = [(j, *arc) for j in range(self.problem.nu) if self.linear[j] for arc in self._singular_arcs(j)]
         several = len({j for j, _, _ in arcs}) > 1 or sum(self.linear) > 1
         for j, first, last in arcs:
@@ -375,6 +430,10 @@ class _Judge:
         first, second = self._halves(self.H_t, np.zeros_like(self.H_t))
         gained = np.concatenate([[0.0], np.cumsum(second[:-1] + first[1:])])
         drift, widths = mean - gained, self.solution.grid.widths
+        for node, normal in self._normals.items():
+            drift[node:] -= (
+                self._surface_multiplier(node) * normal[-1] if normal[:-1].any() else np.diff(drift)[node - 1]
+            )
         middles = self.solution.grid.nodes[:-1] + 0.5 * widths
         part = np.searchsorted(self.problem.breaks, middles)
         for k in np.unique(part):
@@ -472,7 +531,7 @@ def _beyond(values: Array, at_upper: Flags, at_lower: Flags) -> Array:
     return np.select(outside, parts, values)
 
 
-def _path_values(solution: Solution) -> Array:
+def _path_values(solution: SolutionView) -> Array:
     times = solution.point_times.ravel()
     x, u = solution.inner.reshape(len(times), -1), solution.u.reshape(len(times), -1)
     p = np.tile(solution.parameters[:, None], (1, len(times)))

@@ -4,7 +4,8 @@ A transcription knows its own error only at its nodes, and an optimiser that may
 solution is replayed from x(0) with what its actuators can do: the control as the scheme interpolates it, saturated to
 its bounds. The miss at the end, the violation on the way and the cost error are reported separately, and so is the
 excess of the scheme's control over its bounds. Where a replay is ill-posed, because the linearised flow of the open
-loop grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up.
+loop grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up; the
+miss of the flight in one piece is reported beside them.
 Intervals inside which all is smooth are integrated together, others by an integrator with step-size control.
 
 **Picard's iteration** on Gauss points integrates a solution's saturated control on all intervals at once.
@@ -31,6 +32,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from mathnavi.controllers.ocp.crossings import not_smooth
 from mathnavi.controllers.ocp.defects import Defects, defects
 from mathnavi.controllers.ocp.instants import instant_cost, instant_excess
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
@@ -146,6 +148,7 @@ DENSE = 20
 _TOLERANCE = 1e-10  # of the integration, relative and in scaled states
 _SUBINTERVALS = 4  # of an interval, for the transition matrix
 _OVERFLOW = 1e100
+_FAR = 1e3  # times the largest scaled state: a flight that has left the solution for good
 _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
@@ -154,8 +157,9 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects 
 
     ``known`` are the solution's defects, if they were computed before.
 
-    OPTIMAL is a solution whose miss, path violation and cost error are each within the ``tolerance``; another one is
-    CONVERGED, and its message says which are not.
+    OPTIMAL is a solution whose miss, path violation and cost error are each within the ``tolerance``, and which crosses
+    no jump or kink of its problem inside an interval; another one is CONVERGED, and its message says why. Where the
+    replay is by intervals and the flight in one piece misses by more than the tolerance, the message has both figures.
 
     From x(0), with x' = f(x, sat(u(t)), t; p), u(t) as the scheme interpolates it and sat() its bounds; interval by
     interval where the scaled transition matrix of the linearised flow has a norm ||Φ(T, 0)|| beyond ``ILL_POSED``.
@@ -178,12 +182,20 @@ def judged(solution: Solution, tolerance: float) -> Solution:
     """
     check_tolerance(tolerance)
     assert solution.replay is not None
-    figures = solution.replay.figures
+    replay, figures = solution.replay, solution.replay.figures
     excess = {name: value for name, value in figures.items() if not value <= tolerance}
     shown = ", ".join(f"{name} {value:.2g}" for name, value in (excess or figures).items())
     message = f"{'not ' if excess else ''}within {tolerance:g} when it is replayed: {shown}"
-    status = SolverOutcome.CONVERGED if excess else SolverOutcome.OPTIMAL
-    return dataclasses.replace(solution, status=status, message=message, tolerance=tolerance)
+    if replay.by_intervals and not replay.one_piece <= tolerance:
+        message += (
+            f"; it replays by intervals, miss {replay.miss:.2g}, and not in one piece, miss {replay.one_piece:.2g}: "
+            "only with feedback does its control reach its end"
+        )
+    crossed = not_smooth(solution)
+    if crossed:
+        message += f"; not smooth inside an interval, so that J need not be the least: {', '.join(crossed)}"
+    status = SolverOutcome.CONVERGED if excess or crossed else SolverOutcome.OPTIMAL
+    return dataclasses.replace(solution, status=status, message=message, tolerance=tolerance, not_smooth=crossed)
 
 
 def check_tolerance(tolerance: float) -> None:
@@ -221,7 +233,24 @@ def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
     error = abs(cost - solution.cost) / max(1.0, abs(solution.cost))
     cost_error = error if math.isfinite(error) else math.inf
     control_violation = _control_violation(solution)
-    return ReplayResult(miss, path_violation, control_violation, cost_error, cost, end, by_intervals)
+    one_piece = _one_piece(solution) if by_intervals else math.nan
+    return ReplayResult(miss, path_violation, control_violation, cost_error, cost, end, by_intervals, one_piece)
+
+
+def _one_piece(solution: Solution) -> float:
+    """Scaled miss at the end of a flight from x(0) alone; infinite as soon as it is far from the solution."""
+    x = solution.x / solution.problem.state_scale
+    far = _FAR * max(1.0, float(np.abs(x).max()))
+    at_once = flight(solution, np.ones(1), _TOLERANCE, by_intervals=False)
+    if at_once is not None:
+        return float(np.abs(at_once.states[-1, -1] - x[-1]).max())
+    y = x[0]
+    for i in range(solution.nodes - 1):
+        path = _integrated(solution, i, y)
+        if path is None or not np.abs(path[0][-1] - x[i + 1]).max() <= far:
+            return math.inf
+        y = path[0][-1]
+    return float(np.abs(y - x[-1]).max())
 
 
 def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | None:

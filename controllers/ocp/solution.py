@@ -34,6 +34,8 @@ from mathnavi.models.nlp_solver import SolverOutcome as SolverOutcome
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from mathnavi.controllers.ocp.pontryagin import PontryaginCheck
+
 FORMAT = "mathnavi solution 1"
 """format that the file of a solution names"""
 RECORD = "solution"
@@ -81,6 +83,7 @@ class ReplayResult:
     cost: float  # J along the replay
     end: Array  # (nx,) x_replayed(T); where the replay is by intervals, x(T) + the last interval's defect
     by_intervals: bool  # open loop is ill-posed, so each interval was re-integrated from its own node
+    one_piece: float = math.nan  # scaled: the miss of a flight from start to end all the same, where it is by intervals
 
     @property
     def figures(self) -> dict[str, float]:
@@ -98,6 +101,7 @@ class ReplayResult:
         return [
             ("replayed J", f"{self.cost:.7g}", ""),
             ("replay miss", f"{self.miss:.2g}", "by intervals" if self.by_intervals else ""),
+            *([("replay miss", f"{self.one_piece:.2g}", "in one piece")] if self.by_intervals else []),
             ("path violation", f"{self.path_violation:.2g}", ""),
             ("control violation", f"{self.control_violation:.2g}", ""),
             ("cost error", f"{self.cost_error:.2g}", ""),
@@ -138,16 +142,26 @@ class Solution:
     replay: ReplayResult | None = None
     interval_errors: Array | None = None  # (N - 1,) largest defect of each interval, over the states' scales
     tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
+    surface_nodes: tuple[int, ...] = ()  # nodes that the programme holds on a surface where the problem is not smooth
+    not_smooth: tuple[str, ...] = ()  # jumps and kinks that the trajectory crosses inside an interval, in words
 
     @property
     def ok(self) -> bool:
-        """True if this is a solution of the problem: solved, and within the tolerance when it is replayed."""
-        return self.solved and self.replay is not None and self.replay.error <= self.tolerance
+        """True if this is a solution of the problem: solved, smooth, and within the tolerance when it is replayed."""
+        within = self.replay is not None and self.replay.error <= self.tolerance
+        return self.solved and within and not self.not_smooth
 
     @property
     def solved(self) -> bool:
         """True if this is a solution of the transcribed programme, regardless of its accuracy."""
         return self.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.REFUSED)
+
+    @cached_property
+    def conditions(self) -> PontryaginCheck | None:
+        """Pontryagin's conditions; None for a failed solve and a scheme that holds its control."""
+        from mathnavi.controllers.ocp.pontryagin import check_pontryagin  # it judges solutions, so it imports this
+
+        return check_pontryagin(self) if self.solved and len(self.scheme.points) > 1 else None
 
     @property
     def headline(self) -> str:
@@ -176,6 +190,8 @@ class Solution:
         rows += [(f"dJ/d{name}", f"{float(self.sensitivities[name]):.6g}", "") for name in self.sensitivities]
         if self.replay is not None:
             rows += self.replay.rows
+        if self.conditions is not None:
+            rows.append(("Pontryagin", self.conditions.summary, ""))
         return f"{self.problem.name}, {self.method}: {self.status.value}", rows
 
     def __getitem__(self, name: str) -> Array:

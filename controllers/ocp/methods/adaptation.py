@@ -7,8 +7,11 @@ solves again. The distribution is not part of the programme, so each solve is as
 starts from the first.
 
 ``distribute`` has the nodes inside the programme, (B.1) augmented to the problem: the method of Paper B. The programme
-with free nodes is hard from a cold start. It starts from the uniform solution, interpolated on the grid that
-equidistributes that solution's own monitor function.
+with free nodes has many minima, and from a cold start rounding would decide between them. So an equidistribution is
+found on two levels first: nodes outside, states inside. The uniform solution's nodes are moved half of the way to where
+they would equidistribute the monitor's measure, the problem is solved on them, and so on until they rest. From there
+the programme starts near its solution, with a small barrier; and with a large one only where the J that it finds is
+not below the J that it starts from. Other distributions start from the uniform solution.
 
 ``refine`` (h-refinement) adds nodes where the local error is, until it is small everywhere. The local error η_i of an
 interval (see ``residual``) falls with the (k + 1)-th power of the interval's width where the rates are interpolated at
@@ -30,8 +33,8 @@ import math
 import numpy as np
 
 from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
-from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, on_breaks, split, uniform
-from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, from_widths, on_breaks, split, uniform
+from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor, interval_measures
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.residual import local_errors
@@ -173,6 +176,8 @@ def redistributed(solution: Solution, nodes: int, monitor: Monitor) -> Grid:
 
 
 EQUIDISTRIBUTED = Equidistributed()
+_MOST_MOVES = 40
+_AT_REST = 1e-5  # of T: largest move of a node
 
 
 def distribute(
@@ -208,12 +213,45 @@ def distribute(
     )
     if not first.solved:
         return first
-    made = transcription(problem, scheme, nodes, distribution, options)
-    monitor = getattr(distribution, "monitor", None)
-    grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
-    second = replayed(made.solve(first, grid, parameters), tolerance)
-    second = dataclasses.replace(second, timing=second.timing + first.timing)
-    return gated(second, first, f"in the programme: {described(distribution)}", tolerance)
+    if isinstance(distribution, Equidistributed):
+        second = _equidistributed(first, distribution, options)
+    else:
+        monitor = getattr(distribution, "monitor", None)
+        grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
+        second = transcription(problem, scheme, nodes, distribution, options).solve(first, grid, parameters)
+        second = dataclasses.replace(second, timing=second.timing + first.timing)
+    return gated(replayed(second, tolerance), first, f"in the programme: {described(distribution)}", tolerance)
+
+
+def _equidistributed(first: Solution, distribution: Equidistributed, options: Options) -> Solution:
+    """Solution with equidistributed nodes inside the programme, from a uniform one, on two levels; not replayed."""
+    problem, scheme, nodes, parameters = first.problem, first.scheme, first.nodes, first.parameters
+    rest, timing = first, first.timing
+    for _ in range(_MOST_MOVES):
+        moved = _moved(rest, distribution)
+        found = transcription(problem, scheme, nodes, FIXED, options).solve(rest, moved, parameters)
+        timing += dataclasses.replace(found.timing, build_ms=0.0)
+        if not found.solved:
+            break
+        change, rest = float(np.abs(moved.nodes - rest.grid.nodes).max()), found
+        if change <= _AT_REST:
+            break
+    found = rest
+    for warm in (True, options.warm):
+        chosen = dataclasses.replace(options, warm=warm)
+        found = transcription(problem, scheme, nodes, distribution, chosen).solve(rest, rest.grid, parameters)
+        timing += found.timing
+        if found.solved and found.cost <= rest.cost:
+            break
+    return dataclasses.replace(found, timing=timing)
+
+
+def _moved(solution: Solution, distribution: Equidistributed) -> Grid:
+    """The grid half of the way to where the nodes of a solution would equidistribute the monitor's measure."""
+    known, shares = solution.grid, interval_measures(distribution.monitor, solution, distribution.epsilon)
+    mass = np.concatenate([[0.0], np.cumsum(shares)])
+    nodes = np.interp(np.linspace(0.0, mass[-1], len(known)), mass, known.nodes)
+    return from_widths(0.5 * (np.diff(nodes) + known.widths))
 
 
 def described(distribution: NodeDistribution) -> str:

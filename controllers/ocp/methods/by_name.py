@@ -20,6 +20,7 @@ import numpy as np
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import check_breaks, check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
+from mathnavi.controllers.ocp.methods.crossing_nodes import solved_at_crossings
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
 from mathnavi.controllers.ocp.methods.schemes import chosen_scheme
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
@@ -77,6 +78,8 @@ def automatic(
         return _named(first, f"hp, for {_reason(problem)}: {first.message}")
     if first.status in _HOPELESS:
         return first
+    if first.not_smooth:
+        return solved_at_crossings(first, tolerance=within, **{key: given[key] for key in given if key != "guess"})
     moved = redistribute(problem, _NODES, RESIDUAL, rounds=_ROUNDS, tolerance=within, **given)
     found = [first, moved]
     if moved.solved:

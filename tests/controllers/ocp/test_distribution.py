@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -18,12 +19,14 @@ from mathnavi.controllers.ocp.distribution import (
 from mathnavi.controllers.ocp.methods.adaptation import distribute, gated, redistribute, refine, solve, worse_figures
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.problems.manuals import hypersensitive_short, van_der_pol
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson, MultipleShooting
 from tests.controllers.ocp.statements import integrator
+from tests.perturbed_starts import perturbed_starts
 
 
 def coasting(longest: float) -> ProblemFunctions:
@@ -179,3 +182,29 @@ def test_the_gate_judges_each_figure_on_its_own(own: dict[str, float], refused: 
 def test_what_makes_no_sense_is_refused_with_what_is_allowed(wrong: object) -> None:
     with pytest.raises(ValueError, match=r"allowed"):
         wrong()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("stated", "monitor", "cost"),
+    [
+        (hypersensitive_short, ARCLENGTH, 1.551043),
+        (hypersensitive_short, CURVATURE, 1.332641),
+        (van_der_pol, CURVATURE, 3.174157),
+    ],
+)
+def test_nodes_inside_the_programme_end_where_they_do_from_any_start(
+    stated: Callable[[], ProblemFunctions], monitor: Monitor, cost: float
+) -> None:
+    """From the programme's cold start three starts end in three minima."""
+    problem = stated()
+    even = solve(problem, 15, tolerance=1e3)
+    for seed in range(3):
+        noise = 0.02 * np.random.default_rng(seed).standard_normal(even.x.shape) * problem.state_scale
+        with perturbed_starts(seed):
+            found = distribute(
+                problem,
+                15,
+                Equidistributed(monitor, monitor.epsilon),
+                guess=dataclasses.replace(even, x=even.x + noise),
+            )
+        assert found.cost == pytest.approx(cost, rel=1e-6)

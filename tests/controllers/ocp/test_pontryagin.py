@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,8 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.articles import double_integrator_time
 from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham
 from mathnavi.controllers.ocp.problems.cops import goddard
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.replay import judged
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.collocation import LegendreGaussLobatto, RadauIIA
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler, HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -33,9 +35,17 @@ def verdicts(found: PontryaginCheck) -> dict[str, str]:
 def test_a_limit_of_a_state_that_holds_is_judged_by_the_jumps_of_its_costate(scheme: Scheme) -> None:
     found = check_pontryagin(solve(bryson_denham(), 28, scheme=scheme), tolerance=1e-3)
     assert set(verdicts(found).values()) == {"holds"}
-    assert {"adjoint", "stationarity", "minimum", "convexity", "Hamiltonian", "start", "end", "signs"} == set(
-        verdicts(found)
-    )
+    assert {
+        "dynamics",
+        "adjoint",
+        "stationarity",
+        "minimum",
+        "convexity",
+        "Hamiltonian",
+        "start",
+        "end",
+        "signs",
+    } == set(verdicts(found))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
@@ -136,11 +146,32 @@ def test_every_condition_is_violated_by_something(swing: Solution) -> None:
     assert "signs" in spoilt(multipliers=wrong_sign)
 
 
+def test_all_witnesses_show_the_same_figures(swing: Solution) -> None:
+    """A replay that misses violates x' = f: in the check, the table of the solution and its figure."""
+    assert swing.replay is not None
+    assert swing.conditions is not None
+    assert swing.conditions["dynamics"].residual == swing.replay.miss
+    assert swing.conditions.summary == "9 hold"
+    assert re.search(r"Pontryagin +9 hold", repr(swing))
+    off = judged(dataclasses.replace(swing, replay=dataclasses.replace(swing.replay, miss=0.28)), 1e-3)
+    found = check_pontryagin(off)
+    assert off.status is SolverOutcome.CONVERGED
+    assert "miss 0.28" in off.message
+    assert [str(each) for each in found.violated] == ["dynamics violated, 2.8e-01"]
+    assert not found.holds
+    assert "dynamics violated, 2.8e-01" in repr(off)
+    figure = off.plot("u")
+    assert "dynamics violated, 2.8e-01" in figure.get_suptitle()
+    (note,) = figure.axes[-2].texts
+    assert str(found["Hamiltonian"]) in note.get_text()
+    assert found["Hamiltonian"].residual < 1e-3
+
+
 def test_what_has_no_conditions_is_refused(swing: Solution) -> None:
     with pytest.raises(ValueError, match="holds its control"):
         check_pontryagin(solve(swing.problem, 25, scheme=Euler()))
     failed = dataclasses.replace(swing, status=next(s for s in type(swing.status) if s.name == "INFEASIBLE"))
     with pytest.raises(ValueError, match="failed"):
         check_pontryagin(failed)
-    with pytest.raises(KeyError, match="allowed: adjoint"):
+    with pytest.raises(KeyError, match="allowed: dynamics, adjoint"):
         check_pontryagin(swing)["costates"]

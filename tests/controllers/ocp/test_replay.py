@@ -56,7 +56,12 @@ def test_an_ill_posed_open_loop_is_replayed_interval_by_interval() -> None:
     assert not tame.replay.by_intervals
     assert wild.replay is not None
     assert wild.replay.by_intervals
-    assert wild.replay.miss < 1e-2  # flown in one piece a rounding error would grow by e^24
+    assert wild.replay.miss < 1e-2 < 1.0 < wild.replay.one_piece  # what the intervals miss grows by e^24
+    figures = f"by intervals, miss {wild.replay.miss:.2g}, and not in one piece, miss {wild.replay.one_piece:.2g}"
+    assert figures in wild.message
+    for row in (f"{wild.replay.miss:.2g}  by intervals", f"{wild.replay.one_piece:.2g}  in one piece"):
+        assert row in repr(wild)
+    assert "one piece" not in tame.message + repr(tame)
     wilder = replayed(dataclasses.replace(tame, problem=problem_with(200.0))).replay
     assert wilder is not None
     assert wilder.by_intervals  # by more than a number holds

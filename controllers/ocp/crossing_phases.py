@@ -1,0 +1,233 @@
+"""A node at every crossing of a switching surface: the problem in parts, each smooth, of lengths that are unknowns.
+
+A trajectory that crosses surfaces g_1 = 0, ..., g_m = 0 in this order is cut there into parts a = 1 ... m + 1. In each
+part the branches are those of its middle, so that f_a, L_a and d_a are smooth, and all parts run side by side over τ:
+
+    dx_a/dτ = T_a f_a(x_a, u_a, t_a + τ T_a; p),      J = Σ_a T_a ∫_0^1 L_a dτ + Psi(x_(m+1)(1), Σ T_a; p),
+    x_(a+1)(0) = x_a(1),      g_a(x_a(1), t_a + T_a; p) = 0,
+
+t_a the sum of the lengths before. So J chooses when the surface is crossed, and a costate may jump there along the
+gradient of g_a. What is found is a solution of the problem as it was stated, and is replayed through that one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.controllers.ocp.crossings import Crossing, crossings
+from mathnavi.controllers.ocp.dual_solution import own_names
+from mathnavi.controllers.ocp.grid import from_widths
+from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.switching_surfaces import Surfaces, branched, surfaces_of
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
+from mathnavi.interfaces.signals import Array
+
+MOST_PARTS = 6
+"""largest number of parts"""
+
+_GUESSES = 41  # points of a guess
+_APART = 1e-6  # of T: crossings that are nearer are one
+_SHORTEST = 1e-6  # of T: least length of a part
+_HAIR = 1e-9  # of the scales
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Parts:
+    """A problem cut where a solution crosses its surfaces."""
+
+    problem: ProblemFunctions
+    stacked: ProblemFunctions  # all parts over τ in [0, 1]
+    count: int
+
+    def merged(self, found: Solution) -> Solution:
+        """The solution of the problem, on one grid, in a solution of all parts; not replayed."""
+        problem, n, nx, nu = self.problem, self.count, self.problem.nx, self.problem.nu
+        lengths = found.x[0, n * nx : n * nx + n]
+        T = float(lengths.sum())
+        grid = from_widths((lengths[:, None] * found.grid.widths).ravel())
+
+        def each(values: Array, size: int) -> list[Array]:
+            return [values[..., a * size : (a + 1) * size] for a in range(n)]
+
+        def per_second(values: Array, size: int) -> Array:
+            return np.concatenate([own / T_a for own, T_a in zip(each(values, size), lengths, strict=True)])
+
+        x = each(found.x, nx)
+        m, nd = found.multipliers, len(problem.path_names)
+        ni, ns = len(problem.initial_names), len(problem.final_names)
+        return dataclasses.replace(
+            found,
+            problem=problem,
+            scheme=_repeated(found.scheme, n),
+            grid=grid,
+            duration=T,
+            x=np.concatenate([*(own[:-1] for own in x), x[-1][-1:]]),
+            inner=np.concatenate(each(found.inner, nx)),
+            u=np.concatenate(each(found.u, nu)),
+            costates=np.concatenate(each(found.costates, nx)),
+            multipliers=Multipliers(
+                dynamics=NamedValues(problem.states, np.concatenate(each(m.dynamics.values, nx))),
+                path=NamedValues(distinct(problem.path_names), per_second(m.path.values, nd)),
+                states=NamedValues(problem.states, per_second(m.states.values, nx)),
+                controls=NamedValues(problem.controls, per_second(m.controls.values, nu)),
+                initial=NamedValues(own_names(problem.initial_names, "start of "), m.initial.values[:ni]),
+                final=NamedValues(own_names(problem.final_names, "end of "), m.final.values[:ns]),
+                duration=float(m.final.values[ns]) if problem.free_duration else 0.0,
+            ),
+            replay=None,
+            interval_errors=None,
+            surface_nodes=tuple(a * (found.nodes - 1) for a in range(1, n)),
+        )
+
+
+def parts_at(solution: Solution) -> Parts | str:
+    """The problem of a solution, cut at all its crossings; in words why where that is not possible."""
+    problem = solution.problem
+    surfaces = surfaces_of(problem)
+    assert surfaces is not None
+    crossed, t = list[Crossing](), solution.t
+    for crossing in crossings(solution):
+        if crossing.until > crossing.time:
+            return f"a node cannot be placed where {crossing}"
+        if surfaces.every[crossing.surface].by_control:
+            if crossing.inside:
+                return f"a node cannot be placed at {crossing.text}, which depends on a control"
+        elif not crossed or crossing.time - crossed[-1].time > _APART * t[-1]:
+            crossed.append(crossing)
+    if len(crossed) >= MOST_PARTS:
+        return f"{len(crossed)} crossings are too many to place a node at each"
+    return _cut(solution, surfaces, crossed)
+
+
+def _cut(solution: Solution, surfaces: Surfaces, crossed: Sequence[Crossing]) -> Parts:
+    problem = solution.problem
+    n, nx, nu, T = len(crossed) + 1, problem.nx, problem.nu, solution.duration
+    ends = np.array([0.0, *(each.time for each in crossed), T])
+    states = [f"part {a + 1}: {name}" for a in range(n) for name in problem.states]
+    lengths = [f"length of part {a + 1}" for a in range(n)]
+    starts = [f"start of part {a + 2}: {name}" for a in range(n - 1) for name in problem.states]
+    controls = [f"part {a + 1}: {name}" for a in range(n) for name in problem.controls]
+    x, u, tau = ca.SX.sym("x", len(states) + n + len(starts)), ca.SX.sym("u", len(controls)), ca.SX.sym("tau")
+    p = ca.SX.sym("p", len(problem.parameters))
+    own_x = [x[a * nx : (a + 1) * nx] for a in range(n)]
+    T_a = [x[n * nx + a] for a in range(n)]
+    begins = [sum(T_a[:a], ca.SX(0)) for a in range(n)]
+    x_0 = [x[n * nx + n + a * nx :][:nx] for a in range(n - 1)]
+    levels = [np.full(len(surfaces.every), np.nan) for _ in range(n)]
+    for a, branches in enumerate(levels):
+        for k in {each.surface for each in crossed}:
+            branches[k] = _level_at(surfaces, solution, 0.5 * (ends[a] + ends[a + 1]))[k]
+    made = [
+        branched(
+            surfaces.rows,
+            [own_x[a], u[a * nu : (a + 1) * nu], begins[a] + tau * T_a[a], p],
+            [*surfaces.every],
+            b.tolist(),
+        )
+        for a, b in enumerate(levels)
+    ]
+    rows = [part for part in made if part is not None]
+    rates = [T_a[a] * part[:nx] for a, part in enumerate(rows)]
+    running = sum((T_a[a] * part[nx] for a, part in enumerate(rows)), ca.SX(0))
+    along, whole = [x, u, tau, p], begins[-1] + T_a[-1]
+    final, lower, upper = (
+        [problem.final(own_x[-1], whole, p)],
+        [*problem.final_bounds.lower],
+        [*problem.final_bounds.upper],
+    )
+    names = [*problem.final_names, "duration"]
+    final.append(whole)
+    lower.append(problem.duration_bounds[0])
+    upper.append(problem.duration_bounds[1])
+    for a, crossing in enumerate(crossed):
+        surface = surfaces.every[crossing.surface]
+        level = surfaces.levels(own_x[a], ca.SX.zeros(nu), begins[a + 1], p)[0][crossing.surface]
+        passed = _level_at(surfaces, solution, crossing.time)[crossing.surface]
+        step = (
+            surface.step * (np.round(passed / surface.step + surface.offset) - surface.offset) if surface.step else 0.0
+        )
+        # A hair before the surface, so that the last point of the part is on its own side of it.
+        size = np.array(surfaces.levels(*_along(solution, crossing.time))[1].full())[crossing.surface, 0]
+        before = step + _HAIR * size * (1.0 if levels[a][crossing.surface] > step else -1.0)
+        final += [level - before, (x_0[a] - own_x[a]) / problem.state_scale]
+        names += [
+            f"{surface.text} at the end of part {a + 1}",
+            *(f"{name} on to part {a + 2}" for name in problem.states),
+        ]
+        lower += [0.0] * (nx + 1)
+        upper += [0.0] * (nx + 1)
+    initial = [problem.initial(own_x[0], p), *((own_x[a + 1] - x_0[a]) / problem.state_scale for a in range(n - 1))]
+    joined = np.zeros((n - 1) * nx)
+    of_states, of_starts = _tiled(problem.state_bounds, n), _tiled(problem.state_bounds, n - 1)
+    guess = [solution.state(np.linspace(ends[a], ends[a + 1], _GUESSES)) for a in range(n)]
+    constants = np.concatenate([np.diff(ends), *(solution.state(float(t)) for t in ends[1:-1])])
+    # A control may jump at a crossing: it is read just inside its part.
+    inside = np.linspace(1e-9, 1.0 - 1e-9, _GUESSES)
+    applied = [solution.control(ends[a] + inside * (ends[a + 1] - ends[a])) for a in range(n)]
+    stacked = ProblemFunctions(
+        name=problem.name,
+        states=(*states, *lengths, *starts),
+        controls=tuple(controls),
+        parameters=problem.parameters,
+        dynamics=_function("f", along, [*rates, ca.SX.zeros(n + (n - 1) * nx)]),
+        running_cost=_function("L", along, [running]),
+        terminal_cost=_function("Psi", [x, tau, p], [problem.terminal_cost(own_x[-1], whole, p)]),
+        path=_function("d", along, [part[nx + 1 :] for part in rows]),
+        initial=_function("i", [x, p], initial),
+        final=_function("s", [x, tau, p], final),
+        state_bounds=Interval(
+            np.concatenate([of_states.lower, np.full(n, _SHORTEST * T), of_starts.lower]),
+            np.concatenate([of_states.upper, np.full(n, problem.duration_bounds[1]), of_starts.upper]),
+        ),
+        control_bounds=_tiled(problem.control_bounds, n),
+        path_bounds=_tiled(problem.path_bounds, n),
+        initial_bounds=Interval(*(np.concatenate([bound, joined]) for bound in problem.initial_bounds)),
+        final_bounds=Interval(np.array(lower), np.array(upper)),
+        path_names=tuple(f"part {a + 1}: {name}" for a in range(n) for name in problem.path_names),
+        initial_names=(
+            *problem.initial_names,
+            *(f"{name} of part {a + 2}" for a in range(n - 1) for name in problem.states),
+        ),
+        final_names=tuple(names),
+        duration_bounds=(1.0, 1.0),
+        state_scale=np.concatenate(
+            [np.tile(problem.state_scale, n), np.diff(ends), np.tile(problem.state_scale, n - 1)]
+        ),
+        control_scale=np.tile(problem.control_scale, n),
+        nominal=problem.nominal,
+        guess_times=np.linspace(0.0, 1.0, _GUESSES),
+        guess_states=np.hstack([*guess, np.tile(constants, (_GUESSES, 1))]),
+        guess_controls=np.hstack(applied),
+        guess_duration=1.0,
+    )
+    return Parts(problem, stacked, n)
+
+
+def _level_at(surfaces: Surfaces, solution: Solution, t: float) -> Array:
+    """Levels (m,) at a time [s]."""
+    return np.array(surfaces.levels(*_along(solution, t))[0].full())[:, 0]
+
+
+def _along(solution: Solution, t: float) -> tuple[Array, Array, float, Array]:
+    """Arguments x, u, t and p of what holds along a solution, at a time [s]."""
+    return solution.state(t), solution.control(t), t, solution.parameters
+
+
+def _tiled(bounds: Interval, times: int) -> Interval:
+    return Interval(*(np.tile(each, times) for each in bounds))
+
+
+def _function(name: str, arguments: list[ca.SX], results: Sequence[ca.SX]) -> ca.Function:
+    return ca.Function(name, arguments, [ca.densify(ca.vertcat(ca.SX(0, 1), *results))])
+
+
+def _repeated(scheme: Scheme, times: int) -> Scheme:
+    """The scheme of a grid whose intervals come ``times`` one after the other."""
+    return VariableRadauIIA(scheme.counts * times) if isinstance(scheme, VariableRadauIIA) else scheme

@@ -1,0 +1,201 @@
+"""Crossings: when a trajectory passes a switching surface on which the dynamics, cost or constraints are not smooth.
+
+At a jump or a kink inside an interval no derivative that a solver evaluates sees the surface: the time of the crossing
+is held by the mesh, not chosen by J, and a replay is blind to that. A node that the programme keeps on the surface is
+free to move with it (see ``crossing_phases``). A surface counts where the functions on its two sides differ, in their
+values (a jump) or in their one-sided derivatives (a kink); u |u| has neither at u = 0. A path constraint counts where
+it holds back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mathnavi.controllers.ocp.solution_view import SolutionView
+from mathnavi.controllers.ocp.switching_surfaces import Surfaces, SwitchingSurface, steps_passed, surfaces_of
+from mathnavi.interfaces.signals import Array
+
+_DENSE = 20  # points of an interval at which the levels are evaluated
+_EDGE = 1e-6  # of an interval: how far from a node the first and the last of them are, and what is at the node
+_NEAR = 1e-7  # of the scales: distance at which a trajectory is on a surface
+_SIDE = 1e-5  # of the scales: distance at which both sides are compared
+_JUMP, _KINK = 1e-6, 1e-4  # of the largest value, and the largest derivative, along the trajectory
+_ARC = 1e-3  # of T: least duration of an arc on a surface
+_BISECTIONS = 50
+_HOLDS_BACK = 1e-6  # of |J|: effect of a constraint that holds back
+_MOST = 3  # crossings that a message names
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """A passage of a trajectory through a switching surface, or an arc on it."""
+
+    surface: int  # among those of the problem
+    text: str  # its expression
+    time: float  # [s]
+    until: float  # [s] later than ``time`` for an arc on the surface
+    jump: bool  # True for a jump, False for a kink
+    inside: bool  # True if it is inside an interval, or a jump at a node that nothing holds on the surface
+
+    def __str__(self) -> str:
+        what = "jumps" if self.jump else "has a kink"
+        if self.until > self.time:
+            return f"{self.text}, which {what}, is held from t = {self.time:.4g} to {self.until:.4g} s"
+        return f"{self.text} {what} at t = {self.time:.6g} s"
+
+
+class _Samples(NamedTuple):
+    """A trajectory at the dense points of all intervals, one after the other."""
+
+    t: Array  # (n,)
+    levels: Array  # (n, m)
+    sizes: Array  # (n, m)
+
+
+def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
+    """All crossings of a solution's trajectory in the order of time; none where its problem is smooth."""
+    surfaces = surfaces_of(solution.problem)
+    if surfaces is None or not np.isfinite(solution.x).all():
+        return ()
+    d = np.diff(solution.t)
+    c = np.concatenate([[_EDGE], (np.arange(_DENSE) + 0.5) / _DENSE, [1.0 - _EDGE]])
+    t = (solution.t[:-1, None] + c * d[:, None]).ravel()
+    g, size = _levels(surfaces, solution, t)
+    samples = _Samples(t, g, size)
+    sides = _Sides(surfaces, solution, t)
+    found = [
+        crossing for k in range(len(surfaces.every)) for crossing in _of_surface(surfaces, solution, samples, sides, k)
+    ]
+    return tuple(sorted(found, key=lambda each: each.time))
+
+
+def not_smooth(solution: SolutionView) -> tuple[str, ...]:
+    """Crossings inside intervals in words, the first few."""
+    inside = [str(each) for each in crossings(solution) if each.inside]
+    more = len(inside) - _MOST
+    return (*inside[:_MOST], f"{more} more") if more > 0 else tuple(inside)
+
+
+def _levels(surfaces: Surfaces, solution: SolutionView, t: Array) -> tuple[Array, Array]:
+    """Levels and their sizes (n, m) at times (n,)."""
+    x, u = solution.state(t), solution.control(t)
+    p = np.tile(solution.parameters[:, None], (1, len(t)))
+    g, size = surfaces.levels.map(len(t))(x.T, u.T, t[None, :], p)
+    return np.array(g.full()).T, np.array(size.full()).T
+
+
+def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, sides: _Sides, k: int) -> list[Crossing]:
+    surface, g = surfaces.every[k], samples.levels[:, k]
+    passed = steps_passed(surface, g)
+    away = (
+        g if surface.step == 0.0 else g - surface.step * (np.round(g / surface.step + surface.offset) - surface.offset)
+    )
+    near = np.abs(away) <= _NEAR * np.maximum(samples.sizes[:, k], 1e-300)
+    known = np.maximum.accumulate(np.where(near, -1, np.arange(len(g))))
+    known[known < 0] = int(np.flatnonzero(~near)[0]) if not near.all() else 0
+    passed = passed[known]  # on the surface: on the side from which it came
+    found = []
+    for j in np.flatnonzero(np.diff(passed)).tolist():
+        time = _passage(surfaces, solution, (float(samples.t[known[j]]), float(samples.t[j + 1])), k)
+        if (jump := sides.differ(k, time)) is not None:
+            found.append(Crossing(k, surface.text, time, time, jump, _inside(surface, solution, time, jump)))
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    for first, last in zip(ends[::2].tolist(), (ends[1::2] - 1).tolist(), strict=True):
+        begin, end = (_at_node(solution, float(samples.t[j])) for j in (first, last))
+        if end - begin > _ARC * solution.duration and (jump := sides.differ(k, 0.5 * (begin + end))) is not None:
+            found.append(Crossing(k, surface.text, begin, end, jump, inside=True))
+    return found
+
+
+def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump: bool) -> bool:
+    """True for a crossing that no node resolves.
+
+    Where a state takes part in a jump, a node that happens to be there is not enough: the programme has to hold it on
+    the surface, or J has no say in when it is crossed.
+    """
+    if _at_node(solution, time) not in solution.t:
+        return True
+    i = int(np.abs(solution.t - time).argmin())
+    return jump and surface.by_state and i not in solution.surface_nodes
+
+
+def _at_node(solution: SolutionView, time: float) -> float:
+    """The time [s] of the node at a time; the time itself where there is none."""
+    i = int(np.abs(solution.t - time).argmin())
+    width = np.diff(solution.t)[max(i - 1, 0) : i + 1].min()
+    return float(solution.t[i]) if abs(solution.t[i] - time) <= 2.0 * _EDGE * width else time
+
+
+def _passage(surfaces: Surfaces, solution: SolutionView, between: tuple[float, float], k: int) -> float:
+    """Time at which a level passes a step between two times, by bisection."""
+    low, high = between
+    surface = surfaces.every[k]
+    before = steps_passed(surface, _levels(surfaces, solution, np.array([low]))[0][:, k])
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        same = steps_passed(surface, _levels(surfaces, solution, np.array([middle]))[0][:, k]) == before
+        low, high = (middle, high) if same.all() else (low, middle)
+    return 0.5 * (low + high)
+
+
+class _Sides:
+    """Functions of a problem on both sides of its surfaces, compared with their largest values along a trajectory."""
+
+    def __init__(self, surfaces: Surfaces, solution: SolutionView, t: Array) -> None:
+        self._surfaces, self._solution, problem = surfaces, solution, solution.problem
+        self._scale = np.concatenate([problem.state_scale, problem.control_scale, [solution.duration]])
+        values, slopes = self._at(solution.state(t), solution.control(t), t)
+        least = np.concatenate([problem.state_scale, [abs(solution.cost)], np.ones(len(problem.path_bounds.lower))])
+        least[: problem.nx + 1] *= 1e-6 / solution.duration
+        self._size = np.maximum(np.abs(values).max(axis=0), least)
+        self._steepness = np.maximum(np.abs(slopes).max(axis=0).max(axis=1), self._size)
+
+    def _at(self, x: Array, u: Array, t: Array) -> tuple[Array, Array]:
+        """Values (n, rows) and scaled derivatives (n, rows, nx + nu + 1)."""
+        n = len(t)
+        given = (x.T, u.T, t[None, :], np.tile(self._solution.parameters[:, None], (1, n)))
+        values = np.array(self._surfaces.rows.map(n)(*given).full()).T
+        slopes = np.array(self._surfaces.slopes.map(n)(*given).full())
+        shaped = slopes.reshape(values.shape[1], n, len(self._scale)).transpose(1, 0, 2)
+        return np.nan_to_num(values), np.nan_to_num(shaped * self._scale)
+
+    def differ(self, k: int, time: float) -> bool | None:
+        """True for a jump, False for a kink, None where both sides of surface k go on smoothly at a time [s]."""
+        s, problem = self._solution, self._solution.problem
+        at = np.concatenate([s.state(time), s.control(time), [time]])
+        normal = np.array(self._surfaces.normals(s.state(time), s.control(time), time, s.parameters).full())[k]
+        length = float(np.linalg.norm(normal * self._scale))
+        if not length > 0.0:
+            return None
+        along = normal * self._scale**2 / length
+        points = at + _SIDE * np.array([2.0, 1.0, -1.0, -2.0])[:, None] * along
+        nx, nu = problem.nx, problem.nu
+        x = np.clip(points[:, :nx], *problem.state_bounds)
+        u = np.clip(points[:, nx : nx + nu], *problem.control_bounds)
+        t = points[:, -1]
+        levels = self._surfaces.levels.map(4)(x.T, u.T, t[None, :], np.tile(s.parameters[:, None], (1, 4)))[0].full()[k]
+        passed = steps_passed(self._surfaces.every[k], levels)
+        if passed[0] != passed[1] or passed[2] != passed[3] or passed[1] == passed[2]:
+            return None  # a bound keeps to one side
+        values, slopes = self._at(x, u, t)
+        counts = np.concatenate([np.ones(nx + 1, bool), self._holding_back(time)])
+        jump = 2.0 * (values[1] - values[2]) - (values[0] - values[3])
+        if (np.abs(jump[counts]) > _JUMP * self._size[counts]).any():
+            return True
+        kink = np.abs(2.0 * (slopes[1] - slopes[2]) - (slopes[0] - slopes[3])).max(axis=1)
+        return False if (kink[counts] > _KINK * self._steepness[counts]).any() else None
+
+    def _holding_back(self, time: float) -> Array:
+        """(nd,) True for each path constraint with a multiplier around a time [s]."""
+        s = self._solution
+        mu = np.abs(s.multipliers.path.values)
+        if not mu.size:
+            return np.zeros(mu.shape[2], bool)
+        i = int(np.clip(np.searchsorted(s.t, time) - 1, 0, len(mu) - 1))
+        around = mu[max(i - 1, 0) : i + 2].max(axis=(0, 1))
+        share = around * self._size[self._solution.problem.nx + 1 :] * s.duration
+        holding: Array = share > _HOLDS_BACK * max(abs(s.cost), _HOLDS_BACK)
+        return holding

@@ -1,0 +1,52 @@
+"""hp refinement of a problem that is not smooth, with a node at every crossing of its switching surfaces.
+
+A solution shows which surfaces are crossed and in which order. The problem is solved again in parts between them (see
+``crossing_phases``), and once more where that solution crosses others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from mathnavi.controllers.ocp.crossing_phases import parts_at
+from mathnavi.controllers.ocp.crossings import crossings
+from mathnavi.controllers.ocp.methods.hp import OPTIONS, hp
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import Options
+from mathnavi.interfaces.signals import Array
+
+_ROUNDS = 3
+
+
+def solved_at_crossings(
+    first: Solution, *, parameters: Array | None = None, tolerance: float, options: Options = OPTIONS
+) -> Solution:
+    """The solution with a node at each crossing; where there is none the first one, CONVERGED, and the reason.
+
+    Args:
+        first: a solution that crosses jumps or kinks inside its intervals.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        tolerance: of the replay.
+        options: solver and its tolerance.
+    """
+    current, timing = first, first.timing
+    for _ in range(_ROUNDS):
+        parts = parts_at(current)
+        if isinstance(parts, str):
+            return _without(first, current, parts)
+        found = hp(parts.stacked, tolerance=tolerance, parameters=parameters, options=options)
+        timing += found.timing
+        if not found.solved:
+            return _without(first, current, f"with a node at each crossing it is not solved: {found.message}")
+        current = replayed(dataclasses.replace(parts.merged(found), method="hp", timing=timing), tolerance)
+        if current.ok:
+            placed = ", ".join(str(each) for each in crossings(current))
+            return dataclasses.replace(current, message=f"hp, a node where {placed}; {current.message}")
+        if not current.not_smooth:
+            return _without(first, current, f"with a node at each crossing it is {current.message}")
+    return _without(first, current, f"in {_ROUNDS} rounds the crossings change each time")
+
+
+def _without(first: Solution, current: Solution, why: str) -> Solution:
+    return dataclasses.replace(first, timing=current.timing, message=f"{first.message}; {why}")

@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.ocp.grid import Grid, from_widths
+from mathnavi.controllers.ocp.grid import Grid, widened
 from mathnavi.controllers.ocp.problem_functions import Interval
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array, Integers
+
+_ROUNDING = 1e-13  # width of an interval, as a fraction of T, below which two nodes may round to one
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,4 +68,4 @@ def starts(shares: Array) -> Array:
 
 def placed(shares: Array, lengths: Array) -> Grid:
     """The grid whose intervals have the shares W (N - 1, A) of arcs with these lengths (A,)."""
-    return from_widths(shares @ lengths)
+    return widened(shares @ lengths, _ROUNDING)

@@ -38,6 +38,7 @@ def test_shares_add_up_to_the_grid() -> None:
     assert placed(shares, lengths).nodes == pytest.approx(grid.nodes)
     assert starts(shares) @ lengths == pytest.approx(grid.nodes[:-1])
     assert np.diff(placed(shares, np.array([0.5, 0.5])).nodes)[0] == pytest.approx(0.5)
+    assert len(placed(shares, np.array([1.0, 1e-18]))) == 5  # of an arc that vanishes, no two nodes become one
 
 
 def test_a_held_control_switches_where_time_is_least() -> None:

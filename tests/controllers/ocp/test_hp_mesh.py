@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.grid import LEAST_WIDTH, Grid
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, IntervalErrors, meshed
@@ -68,6 +69,15 @@ def test_what_is_not_needed_goes(switching: Solution) -> None:
     assert merged.min() >= switching.grid.nodes[5]
     assert merged.max() <= switching.grid.nodes[15]
     assert 3 in mesh.counts
+
+
+@pytest.mark.parametrize("boundaries", [[], [0.5], [1.0 - 3e-6, 1.0 - 1e-6]])
+def test_nodes_do_not_pile_up(boundaries: list[float]) -> None:
+    piled = Grid(np.concatenate([[0.0, 1e-13, 0.25, 0.5 - 1e-12], 1.0 - np.array([2e-6, 1e-12, 5e-13, 1e-15, 0.0])]))
+    mesh = HpMesh.uniform(piled, 4).with_boundaries(np.array(boundaries), 300)
+    assert mesh.grid.widths.min() >= 0.99 * LEAST_WIDTH
+    assert set(boundaries) <= set(mesh.grid.nodes.tolist())
+    assert mesh.counts.shape == mesh.grid.widths.shape
 
 
 def test_an_error_that_is_too_large_everywhere_raises_all_alike(switching: Solution) -> None:

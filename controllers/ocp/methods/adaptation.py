@@ -29,6 +29,7 @@ import math
 
 import numpy as np
 
+from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, split, uniform
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
@@ -143,12 +144,16 @@ def redistribute(
     """
     if rounds < 1:
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
+    budget = Budget(options)
     made = transcription(problem, scheme, nodes, FIXED, options)
     first = replayed(made.solve(guess, uniform(nodes), parameters), tolerance)
     if not (first.solved or first.status is SolverOutcome.LIMIT):
         return first
     current = first  # even one that did not converge shows where the next grid has to be dense
     for _ in range(rounds):
+        if budget.spent:
+            break
+        made = transcription(problem, scheme, nodes, FIXED, budget.left(options))
         following = made.solve(current, redistributed(current, nodes, monitor), parameters)
         spent = dataclasses.replace(following.timing, build_ms=0.0)  # it is the same programme
         current = dataclasses.replace(following, timing=spent + current.timing)
@@ -191,6 +196,7 @@ def distribute(
     Raises:
         ProblemError: for fewer than two nodes, or a distribution whose nodes are not unknowns.
     """
+    budget = Budget(options)
     if not distribution.moving:
         raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
     first = solve(
@@ -198,7 +204,7 @@ def distribute(
     )
     if not first.solved:
         return first
-    made = transcription(problem, scheme, nodes, distribution, options)
+    made = transcription(problem, scheme, nodes, distribution, budget.left(options))
     monitor = getattr(distribution, "monitor", None)
     grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
     second = replayed(made.solve(first, grid, parameters), tolerance)
@@ -254,24 +260,26 @@ def refine(
         raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
+    budget = Budget(options)
     grid, current, timing, errors = uniform(nodes), guess, Timing(), np.array([math.inf])
     while True:
-        current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
+        made = transcription(problem, scheme, len(grid), FIXED, budget.left(options))
+        current = made.solve(current, grid, parameters)
         timing += current.timing
         if not current.solved:
             return dataclasses.replace(current, method="refinement", timing=timing)
         errors = local_errors(current)
-        if errors.max() <= tolerance or current.nodes >= most_nodes:
+        if errors.max() <= tolerance or current.nodes >= most_nodes or budget.spent:
             break
         grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
     reached = "at most" if errors.max() <= tolerance else "still"
     refined = replayed(dataclasses.replace(current, method="refinement", timing=timing), tolerance)
     message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes; {refined.message}"
     refined = dataclasses.replace(refined, message=message)
-    if refined.ok:
+    if refined.ok or budget.spent:
         return refined
     even = solve(
-        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options,
+        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=budget.left(options),
         tolerance=tolerance,
     )  # fmt: skip
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,8 @@ from mathnavi.controllers.ocp.methods.by_name import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
+from mathnavi.controllers.ocp.solver import Options
 from tests.controllers.ocp.test_arcs import to_rest
 
 KINDS = (
@@ -77,6 +81,38 @@ def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.
     found = automatic(PROBLEMS["hypersensitive, short"].problem())
     assert found.method == "redistribution, residual"
     assert "for hp replays with" in found.message
+
+
+@pytest.mark.parametrize(("broken", "said"), [("hp", "redistribution, residual"), ("redistribute", "hp")])
+def test_an_attempt_that_ends_in_an_error_is_named_and_not_raised(
+    broken: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mathnavi.controllers.ocp.methods import by_name as module
+
+    def short(problem: ProblemFunctions, **options: Any) -> Solution:
+        return hp(problem, 4, **options)
+
+    def failing(*_: object, **__: object) -> Solution:
+        raise IndexError("no such\nindex 25")
+
+    monkeypatch.setattr(module, "hp", short)
+    monkeypatch.setattr(module, broken, failing)
+    found = automatic(PROBLEMS["hypersensitive, short"].problem())
+    assert found.method == said
+    assert "failed (IndexError: index 25)" in found.message
+    monkeypatch.setattr(module, "hp", failing)
+    monkeypatch.setattr(module, "redistribute", failing)
+    with pytest.raises(IndexError, match="no such"):
+        automatic(to_rest())
+
+
+@pytest.mark.parametrize("method", [hp, automatic])
+def test_seconds_are_a_budget_of_the_whole_call(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = itertools.count()
+    monkeypatch.setattr(time, "process_time", lambda: next(times))
+    found = method(PROBLEMS["hypersensitive, short"].problem(), options=Options(seconds=3.0))
+    assert found.status is SolverOutcome.CONVERGED
+    assert found.message.endswith("its seconds are spent")
 
 
 @pytest.mark.parametrize("wrong", [{"tolerance": 0.0}, {"tolerance": math.nan}, {"most_nodes": 1}])

@@ -95,6 +95,7 @@ class ProblemFunctions:
     guess_states: Array  # (k, nx)
     guess_controls: Array  # (k, nu)
     guess_duration: float  # [s]
+    clocks: tuple[str, ...] = ()  # of several phases, those that have a time of their own (see ``clocks``)
 
     def __repr__(self) -> str:
         """A short table: states, controls, constraints and ends with their limits, and parameters."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -16,13 +17,14 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
+from mathnavi.controllers.ocp.clocks import clocks_of, own_arcs
 from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import at_rows, programme
+from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -34,6 +36,9 @@ FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
 _MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
+
+
+_Bounds: TypeAlias = tuple[Array, Array, Array, Array]  # of the scaled unknowns (n,) and the rows (m,)
 
 
 class Transcription:
@@ -48,7 +53,7 @@ class Transcription:
         options: Options,
         arcs: int = 1,
     ) -> None:
-        """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs.
+        """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs; of phases with clocks, one or several.
 
         Raises ProblemError for FATROP with a scheme that is not explicit, for too few nodes for the distribution, and
         for several arcs of nodes that are unknowns.
@@ -62,6 +67,7 @@ class Transcription:
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
         self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs)
         self.layout = self.programme.layout
+        self._clocks, self._arcs = clocks_of(problem), arcs
         nlp = self.programme
         self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
         self.solver = NumericalSolver(self.programme, options)
@@ -101,15 +107,15 @@ class Transcription:
                 f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
                 f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
             )
-        if (1 if arcs is None else len(arcs)) != self.layout.arcs:
-            raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
+        if (1 if arcs is None else len(arcs)) != self._arcs:
+            raise ProblemError(f"arcs: {arcs}; allowed: the {self._arcs} of this transcription")
         shares = None
         smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
         if arcs is not None and arcs.smoothing is not None:
             smoothing = arcs.smoothing[arcs.of_interval]
         if self.layout.moving:
             known = p
-        elif arcs is None or len(arcs) == 1:
+        elif arcs is None or self.layout.arcs == 1:
             known = np.concatenate([p, where.widths * (self.nodes - 1)])
         else:
             arcs.check(where)
@@ -117,7 +123,13 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
-        answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
+        bounds = None if arcs is None else self._bounds(arcs)
+        if arcs is not None and self._arcs > 1 and self._clocks:
+            arcs.check(where)
+            bounds = self._tied(bounds, arcs, where, x_0)
+        elif self._clocks and guess is not None and not self.scheme.shared:
+            bounds = self._as_guessed(bounds, guess, where, x_0)
+        answer = self.solver.solve(x_0, known, bounds=bounds)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         if answer.status is SolverOutcome.INFEASIBLE and arcs is None:
@@ -146,7 +158,7 @@ class Transcription:
             found = found or not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p, name)
         return dataclasses.replace(answer, message=found or answer.message)
 
-    def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:
+    def _bounds(self, arcs: Arcs) -> _Bounds:
         """Bounds on the scaled unknowns and the rows, those of controls and path constraints by their arcs."""
         layout, problem, programme = self.layout, self.problem, self.programme
         points, nd = self.layout.own_points, len(self.problem.path_bounds.lower)
@@ -158,9 +170,11 @@ class Transcription:
             ),
         )
         controls = layout.stage_columns[:, layout.state_size :][:, : points * problem.nu]
+        rates = [clock.rate for clock in self._clocks]  # their limits are no part of the problem
+        stated = (controls >= 0) & ~np.isin(np.arange(points * problem.nu) % max(1, problem.nu), rates)
         for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
             held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
-            limits[controls[controls >= 0]] = held[controls >= 0]
+            limits[controls[stated]] = held[stated]
         bounded = bounded_controls(problem)
         fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
         path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
@@ -172,6 +186,42 @@ class Transcription:
             limits[along[along >= 0]] = np.tile(own[arcs.of_interval], (1, points))[along >= 0]
             limits[between] = free
         return *unknowns, *rows
+
+    def _tied(self, bounds: _Bounds, arcs: Arcs, grid: Grid, x_0: Array) -> _Bounds:
+        """The bounds with those of clocks whose rates are unknown constants on each phase's own arcs; x_0 alike."""
+        programme, of_interval = self.programme, arcs.of_interval
+        lower, upper, row_lower, row_upper = bounds
+        held = np.hstack([np.dstack(arcs.control_bounds), np.dstack(arcs.path_bounds)])
+        for rows, columns, clock in zip(programme.tied_rows, programme.tied_columns, self._clocks, strict=True):
+            own = own_arcs(clock, held)[of_interval]
+            extents = np.bincount(own, grid.widths)
+            # A clock reads at the start of each own arc what the guess says; its rate is the mean to the next one.
+            times = x_0[self.layout.state_columns[:, clock.state]]
+            edges = np.append(np.flatnonzero(np.diff(own, prepend=-1)), len(own))
+            rates = np.maximum(np.diff(times[edges]), SHORTEST_ARC) / extents
+            at = own[programme.tied_intervals]
+            lower[columns], upper[columns], x_0[columns] = SHORTEST_ARC / extents[at], np.inf, rates[at]
+            apart = rows[np.diff(at) > 0]
+            row_lower[apart], row_upper[apart] = -np.inf, np.inf
+            end = self.layout.state_columns[-1, clock.state]
+            lower[end], upper[end], x_0[end] = 1.0, 1.0, 1.0
+        return bounds
+
+    def _as_guessed(self, bounds: _Bounds | None, guess: Solution, grid: Grid, x_0: Array) -> _Bounds:
+        """The bounds with clocks that run as in the guess: each phase has its nodes where the guess has them."""
+        programme, layout = self.programme, self.layout
+        lower, upper, *rows = bounds or (
+            programme.x_lower.copy(), programme.x_upper.copy(), programme.lower, programme.upper,
+        )  # fmt: skip
+        for clock in self._clocks:
+            times = guess.state(grid.nodes * guess.duration)[:, clock.state]
+            rates = np.diff(times) / grid.widths / (times[-1] - times[0])
+            columns = layout.stage_columns[:, layout.state_size :][:, clock.rate : layout.own_points * self.problem.nu]
+            columns = columns[:, :: self.problem.nu]
+            there = columns >= 0
+            own = np.tile(rates[:, None], (1, columns.shape[1]))[there]
+            lower[columns[there]], upper[columns[there]], x_0[columns[there]] = own, own, own
+        return lower, upper, *rows
 
     def _read(
         self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float

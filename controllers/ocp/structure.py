@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.clocks import clocks_of
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.signals import Array, Integers
@@ -77,8 +78,12 @@ def structure(solution: Solution) -> Structure:
     mixed = switching_constraints(problem)
     pure = _active_constraints(solution, path, mixed)
     overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
-    codes = []
+    codes, nothing = [], (np.zeros(1, dtype=np.int64), np.empty(0))
+    rates = {clock.rate for clock in clocks_of(problem)}
     for j in range(problem.nu):
+        if j in rates:
+            codes.append(nothing)
+            continue
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
         values, multiplier = solution.u[:, :, j].ravel(), multipliers.controls.values[:, :, j].ravel()
         scale = problem.control_scale[j]
@@ -130,11 +135,16 @@ def _held(codes: list[tuple[Integers, Array]], at: Array) -> Integers:
 
 @lru_cache(maxsize=64)
 def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
-    """Controls (nu,) that enter dynamics and running cost linearly, and no path constraint otherwise."""
+    """Controls (nu,) that enter dynamics and running cost linearly, and no path constraint otherwise.
+
+    The rates of clocks are none: they are constants of arcs.
+    """
     x, u, t, p = problem.dynamics.sx_in()
     outputs = ca.vertcat(problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p), problem.path(x, u, t, p))
     slopes = ca.jacobian(outputs, u)
-    return np.array([not ca.depends_on(ca.vec(slopes[:, j]), u[j]) for j in range(problem.nu)], dtype=bool)
+    linear = np.array([not ca.depends_on(ca.vec(slopes[:, j]), u[j]) for j in range(problem.nu)], dtype=bool)
+    linear[[clock.rate for clock in clocks_of(problem)]] = False
+    return linear
 
 
 def _runs_held(

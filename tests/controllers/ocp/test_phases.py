@@ -118,6 +118,71 @@ def test_time_goes_on_from_phase_to_phase() -> None:
     assert found["b"].replay.miss < 1e-7  # type: ignore[union-attr]
 
 
+def test_switches_of_two_phases_do_not_share_their_places() -> None:
+    """A battery, charged and discharged about a price that peaks at noon, where the day is cut: a linear programme.
+
+    Its closed form: charged by 40 MWh from midnight on and again up to midnight, discharged by 80 MWh about noon.
+    """
+    problem, efficiency, most = MultiPhaseProblem("cut at noon"), 0.92, 25.0
+    phases = [problem.phase("am"), problem.phase("pm")]
+    for phase, slope in zip(phases, (1.0, -1.0), strict=True):
+        E = phase.state("E", lower=10.0, upper=90.0, guess=50.0)
+        charge, discharge = (phase.control(name, lower=0.0, upper=most) for name in ("c", "d"))
+        phase.duration(12.0)
+        phase.minimise(running=(50.0 + 40.0 * (1.0 + slope * (phase.t - 12.0) / 6.0)) * (charge - discharge))
+        phase.dynamics(E, efficiency * charge - discharge / efficiency)
+    phases[0].start(phases[0].statement.states[0].symbol, 50.0)
+    phases[1].end_constraint(phases[1].statement.states[0].symbol >= 50.0)
+    problem.link(*phases)
+    found = problem.solve()
+    charging, selling = 40.0 / efficiency / most, 80.0 * efficiency / most / 2.0
+    best = 2.0 * most * (10.0 * charging + 40.0 / 12.0 * charging**2)
+    best -= most * (90.0 * 2.0 * selling - 40.0 / 6.0 * selling**2)
+    assert found.ok
+    assert found.cost == pytest.approx(best, rel=1e-7)
+    for phase, switches in (("am", (charging, 12.0 - selling)), ("pm", (selling, 12.0 - charging))):
+        assert np.abs(found[phase].t[:, None] - switches).min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+        assert found[phase].replay.error < 1e-6  # type: ignore[union-attr]
+    assert found["am"].cost + found["pm"].cost == pytest.approx(best, rel=1e-7)
+    again = problem.solve(method="hp", guess=found)
+    assert again.cost == pytest.approx(best, rel=1e-7)
+
+
+def handed_over(end: float | None, start: float) -> tuple[MultiPhaseProblem, OptimalControlProblem, Any]:
+    """x' = u twice, x from 0 to ``end``, then from ``start`` to 6; not linked yet."""
+    problem = MultiPhaseProblem("handed over")
+    a, b = problem.phase("a"), problem.phase("b")
+    for phase in (a, b):
+        x, u = phase.state("x"), phase.control("u")
+        phase.duration(1.0), phase.minimise(running=u**2), phase.dynamics(x, u)
+    a.start(a.statement.states[0].symbol, 0.0)
+    if end is not None:
+        a.end(a.statement.states[0].symbol, end)
+    b.start(b.statement.states[0].symbol, start), b.end(b.statement.states[0].symbol, 6.0)
+    return problem, a, b
+
+
+@pytest.mark.parametrize(("end", "jumps"), [(None, {}), (5.0, {}), (None, {"x": 4.0}), (1.0, {"x": 4.0})])
+def test_a_linked_state_ends_where_the_next_phase_starts_it(end: float | None, jumps: dict[str, float]) -> None:
+    problem, a, b = handed_over(end, 5.0)
+    problem.link(a, b, jumps=jumps)
+    found = problem.solve(5)
+    assert found.ok
+    assert found["b"]["x"][0] - found["a"]["x"][-1] == pytest.approx(jumps.get("x", 0.0))
+    assert found.cost == pytest.approx(found["a"]["x"][-1] ** 2 + 1.0)
+
+
+def test_a_link_to_a_start_that_contradicts_the_end_is_refused_or_has_no_solution() -> None:
+    problem, a, b = handed_over(1.0, 5.0)
+    with pytest.raises(ProblemError, match=r"a to b: x ends at 1 and starts at 5, jump 0; allowed: a jump of 4"):
+        problem.link(a, b)
+    problem, a, b = handed_over(None, 5.0)
+    problem.link(a, b)
+    a.end(a.statement.states[0].symbol, 1.0)
+    with pytest.raises(ProblemError, match="3 equations at the end"):
+        problem.solve(5)
+
+
 def test_integrals_of_two_phases_have_the_same_name_and_are_not_linked() -> None:
     problem = MultiPhaseProblem("integrals")
     a, b = problem.phase("a"), problem.phase("b")

@@ -2,8 +2,10 @@
 
 Read from a solution that may be coarse. A control that enters linearly jumps between its bounds, or leaves them on a
 singular arc; another one has a kink where it reaches a bound. Both need a node there (see ``arcs``), as do the ends of
-an arc on a path constraint or on the bound of a state. A bound counts as active only where its multiplier confirms
-it: on a singular arc, where a coarse control rings between its bounds, it does not.
+an arc on a path constraint or on the bound of a state. A path constraint on states alone whose rate a linear control
+enters, one of first order, has an arc of its own, on which it holds with equality and determines the control. A bound
+counts as active only where its multiplier confirms it: on a singular arc, where a coarse control rings between its
+bounds, it does not.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from mathnavi.interfaces.signals import Array, Integers
 _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a control's bound
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
 _WEAK = 1e-3  # of its largest value: a limit with a smaller multiplier is not active
+_ARC = 3  # points at which a constraint on states alone holds, of an arc and not of a touch
 _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 
@@ -31,7 +34,8 @@ class Structure:
     """Boundaries (A - 1,) between arcs, fractions of T, and the bound that holds each control on each arc.
 
     ``edges`` are the fractions of T at which a constraint on the states alone begins or ends to hold. They are no
-    boundaries: an unknown node there would move to where the constraint, which holds at points, can be overrun.
+    boundaries, unless it is of first order and held there: an unknown node would move to where the constraint, which
+    holds at points, can be overrun.
     """
 
     boundaries: Array
@@ -78,24 +82,40 @@ def structure(solution: Solution) -> Structure:
     mixed = switching_constraints(problem)
     pure = _active_constraints(solution, path, mixed)
     overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
+    nowhere = np.zeros(len(tau), dtype=bool)
     codes, nothing = [], (np.zeros(1, dtype=np.int64), np.empty(0))
     rates = {clock.rate for clock in clocks_of(problem)}
+    first_order = first_order_constraints(problem)
+    weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
+    followed = [
+        _touched(path[:, j], multipliers.path.values[:, :, j].ravel(), Interval(*limits), weak)
+        if first_order[j].any()
+        else np.zeros(len(tau), dtype=np.int64)
+        for j, limits in enumerate(zip(*problem.path_bounds, strict=True))
+    ]
     for j in range(problem.nu):
         if j in rates:
             codes.append(nothing)
             continue
+        resting = nowhere.copy()
+        for own, code in zip(first_order, followed, strict=True):
+            resting |= own[j] & (code != 0)
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
         values, multiplier = solution.u[:, :, j].ravel(), multipliers.controls.values[:, :, j].ravel()
         scale = problem.control_scale[j]
-        code, last = _runs_held(values, multiplier, bounds, scale, overlaid, linear=bool(linear[j]), k=k)
+        code, last = _runs_held(values, multiplier, bounds, scale, overlaid, resting, linear=bool(linear[j]), k=k)
         codes.append((code, _between(tau, last, nodes)))
     for j in range(path.shape[1]):
         bounds = problem.path_bounds.lower[j], problem.path_bounds.upper[j]
         code, last = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
         if mixed[j] and bounds[0] < bounds[1]:
             code, last = _runs_held(
-                path[:, j], multipliers.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, linear=False, k=k
-            )
+                path[:, j], multipliers.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, nowhere,
+                linear=False, k=k,
+            )  # fmt: skip
+        elif followed[j].any():
+            _, ends, code = _runs(followed[j])
+            last = ends[:-1] - 1
         codes.append((code, _between(tau, last, nodes)))
     boundaries = _apart(np.concatenate([*(switches for _, switches in codes), np.empty(0)]), solution.nodes)
     edges = [_edges(tau, active, nodes) for active in pure]
@@ -112,6 +132,17 @@ def switching_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
     depends = np.array(ca.DM(problem.path.jac_sparsity(0, 1), 1.0).full(), dtype=bool)
     depends = depends.reshape(len(problem.path_bounds.lower), problem.nu)
     return np.asarray(depends.any(axis=1) & ~depends[:, ~linear_controls(problem)].any(axis=1))
+
+
+@lru_cache(maxsize=64)
+def first_order_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """(nd, nu) True where a path constraint on states alone has a rate that a control enters linearly."""
+    x, u, t, p = problem.dynamics.sx_in()
+    held, linear = problem.path(x, u, t, p), linear_controls(problem)
+    rate = ca.jtimes(held, x, problem.dynamics(x, u, t, p))
+    enters = np.array(ca.DM(ca.jacobian_sparsity(rate, u), 1.0).full(), dtype=bool).reshape(held.numel(), problem.nu)
+    pure = ~np.array(ca.DM(ca.jacobian_sparsity(held, u), 1.0).full(), dtype=bool).reshape(enters.shape).any(axis=1)
+    return np.asarray(enters & linear & pure[:, None])
 
 
 def without_structure(problem: ProblemFunctions) -> Structure:
@@ -153,6 +184,7 @@ def _runs_held(
     bounds: tuple[float, float],
     scale: float,
     overlaid: NDArray[np.bool_],
+    resting: NDArray[np.bool_],
     *,
     linear: bool,
     k: int,
@@ -160,12 +192,14 @@ def _runs_held(
     """Codes (r,) of the runs of one control or constraint, and the last points (r - 1,) of all but the last run.
 
     Where a constraint on the states is ``overlaid`` (points,), the multipliers of both are not unique, and say nothing.
+    Where one determines the control (``resting``), that is free up to the ends of this arc.
     """
     lower, upper = bounds
     extent = upper - lower if np.isfinite(upper - lower) else scale
     code = np.where(u >= upper - _AT_BOUND * extent, 1, np.where(u <= lower + _AT_BOUND * extent, -1, 0))
     weak = _WEAK * np.abs(multiplier).max(initial=0.0)
     code[(code * multiplier < -weak) & ~overlaid] = 0  # a multiplier of the wrong sign
+    code[resting] = 0
     starts, ends, values = _runs(code)
     # A run of one interval or less whose multiplier is weak, or of the wrong sign, does not rest on its bound.
     for start, end, value in zip(starts, ends, values, strict=True):
@@ -190,7 +224,32 @@ def _runs_held(
             if value and end - start < 2:
                 code[start:end] = 0
         starts, ends, values = _runs(code)
+    if resting.any():
+        code[resting] = 0
+        for start, end, value in zip(*_runs(code), strict=True):
+            among = start + np.flatnonzero(resting[start:end])
+            if value == 0 and len(among):
+                if start and among[0] - start <= k + 1:
+                    code[start : among[0]] = code[start - 1]
+                if end < len(code) and end - 1 - among[-1] <= k + 1:
+                    code[among[-1] + 1 : end] = code[end]
+        starts, ends, values = _runs(code)
     return values, ends[:-1] - 1
+
+
+def _touched(values: Array, multiplier: Array, limits: Interval, weak: float) -> Integers:
+    """Codes (points,) of a constraint on states alone: where it holds with a multiplier, at three points in a row.
+
+    One point between two others may be off the limit: a coarse solution is bent there.
+    """
+    lower, upper = limits
+    code = np.where(upper - values <= _TOUCHING, 1, np.where(values - lower <= _TOUCHING, -1, 0)).astype(np.int64)
+    bridged = (code[1:-1] == 0) & (code[:-2] == code[2:])
+    code[1:-1][bridged] = code[:-2][bridged]
+    for start, end, value in zip(*_runs(code), strict=True):
+        if value and (end - start < _ARC or value * multiplier[start:end].sum() <= weak):
+            code[start:end] = 0
+    return code
 
 
 def _calm(code: Integers, short: int) -> None:

@@ -16,6 +16,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
+from tests.controllers.ocp.statements import race_car
 from tests.controllers.ocp.test_arcs import to_rest
 
 KINDS = (
@@ -49,6 +50,13 @@ def test_a_singular_arc_does_not_ring() -> None:
     assert np.abs(found.control(t[t < 0.49])[:, 0] + 1.0).max() < 1e-6
     assert np.abs(found.control(t[t > 0.51])).max() < 1e-2
     assert "2 arcs" in found.message
+
+
+def test_a_limit_of_a_state_has_an_arc_of_its_own() -> None:
+    found = automatic(race_car().functions())
+    assert found.status is SolverOutcome.OPTIMAL, found.message
+    assert found.cost == pytest.approx(1.904682271, rel=1e-7)
+    assert "3 arcs" in found.message
 
 
 def test_too_few_nodes_are_not_called_optimal() -> None:

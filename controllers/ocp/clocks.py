@@ -60,7 +60,7 @@ def own_arcs(clock: Clock, held: Array) -> Integers:
 
     ``held`` (A, nu + nd, ·) is what holds the controls and path constraints on each arc.
     """
-    changes = np.diff(held[:, clock.held], axis=0) != 0
+    changes = held[1:, clock.held] != held[:-1, clock.held]
     return np.append(0, np.cumsum(changes.any(axis=tuple(range(1, changes.ndim))))).astype(np.int64)
 
 

@@ -1,8 +1,8 @@
 """Equations of a statement against the freedom to meet them: more than that are refused before anything is solved.
 
 Equations are counted by the rank of their slopes near the guess, each over the scales of the variables: so the unit of
-a statement does not matter, and equations that follow from others, of constants that several phases share for one, do
-not count twice.
+a statement does not matter. Equations of constants that follow from others, as where phases share one and are told so
+twice, are left out: a solver would count them.
 """
 
 from __future__ import annotations
@@ -83,6 +83,38 @@ class _Slopes:
         if not self.values:
             return int(ca.sprank(self._structural[:, :size]))
         return max(_rank(values[:, :size]) for values in self.values)
+
+
+def without_repetitions(statement: Statement) -> tuple[list[Row], list[Row]]:
+    """Rows of the start and of the end, without equations of constants alone that follow from those before them.
+
+    Only linear ones are compared.
+    """
+    constants = column(v.symbol for v in statement.states if statement.rates[v.name].is_zero())
+    known, kept = np.empty((0, constants.numel() + 1)), []
+    for row in (*statement.initial, *statement.final):
+        made = _linear(row, constants)
+        follows = made is not None and len(known) and _rank(np.vstack([known, made])) == _rank(known)
+        if made is not None and not follows:
+            known = np.vstack([known, made])
+        kept.append(not follows)
+    return (
+        [row for row, is_kept in zip(statement.initial, kept, strict=False) if is_kept],
+        [row for row, is_kept in zip(statement.final, kept[len(statement.initial) :], strict=True) if is_kept],
+    )
+
+
+def _linear(row: Row, constants: ca.SX) -> Array | None:
+    """Slopes and constant part (n + 1,) of an equation that is linear in constants (n,) and has no other symbols."""
+    if row.lower != row.upper or any(not ca.depends_on(constants, each) for each in ca.symvar(row.expression)):
+        return None
+    slopes = ca.jacobian(row.expression, constants)
+    if not slopes.is_constant():
+        return None
+    rest = ca.Function("rest", [constants], [row.expression])(np.zeros(constants.numel()))
+    made = np.append(np.array(ca.DM(slopes).full())[0], float(rest) - row.lower)
+    length = float(np.linalg.norm(made))
+    return made / length if length > 0.0 else None
 
 
 def _rank(matrix: Array) -> int:

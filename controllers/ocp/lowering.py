@@ -10,9 +10,10 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row
-from mathnavi.controllers.ocp.equation_counts import check_equations
+from mathnavi.controllers.ocp.equation_counts import check_equations, without_repetitions
 from mathnavi.controllers.ocp.expressions import check_symbols, column
 from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulated
+from mathnavi.controllers.ocp.implied_bounds import without_implied
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
 from mathnavi.interfaces.errors import ProblemError
@@ -45,7 +46,9 @@ def functions_of(statement: Statement) -> ProblemFunctions:
     s = since_start(statement)
     rates = ca.vertcat(*(s.rates[v.name] for v in s.states))
     guess = guesses_of(s)
-    check_equations(statement, guess.states, guess.state_scale, _nominal(s))
+    initial, final = without_repetitions(s)
+    s = dataclasses.replace(s, initial=initial, final=final)
+    check_equations(s, guess.states, guess.state_scale, _nominal(s))
     return ProblemFunctions(
         name=name,
         states=tuple(v.name for v in s.states),
@@ -58,7 +61,7 @@ def functions_of(statement: Statement) -> ProblemFunctions:
         initial=_function(s, "i", s.at_start, _column(s.initial), "start"),
         final=_function(s, "s", s.at_end, _column(s.final), "end"),
         state_bounds=bounds(s.states),
-        control_bounds=bounds(s.controls),
+        control_bounds=without_implied(bounds(s.controls), s.path, s.u),
         path_bounds=limits(s.path),
         initial_bounds=limits(s.initial),
         final_bounds=limits(s.final),

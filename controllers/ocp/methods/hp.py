@@ -255,7 +255,7 @@ def hp(
         settled = (
             free or coarse or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
         )
-        small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
+        small = errors.total <= allowed and max(errors.path.max(), errors.held.max()) <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -36,7 +37,8 @@ class IntervalErrors:
     """Errors (N - 1,) of each interval."""
 
     own: Array  # the larger of its scaled defect and its relative share in the error of J
-    path: Array  # scaled violation of the states' bounds and path constraints between points
+    path: Array  # scaled violation of the states' bounds and path constraints between points, but for those in:
+    held: Array  # that of constraints on a control that hold throughout: as smooth as this control
 
     @property
     def total(self) -> float:
@@ -89,7 +91,7 @@ def interval_errors(solution: Solution, found: Defects) -> IntervalErrors:
     with np.errstate(invalid="ignore"):
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale
     own = np.maximum(np.abs(found.states).max(axis=1), share)
-    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path)
+    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path, found.held)
 
 
 def meshed(
@@ -112,8 +114,10 @@ def meshed(
     mesh = HpMesh.from_solution(solution)
     counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
+    asymptotic = errors.total < _ASYMPTOTIC
+    errors = dataclasses.replace(errors, own=np.maximum(errors.own, each / (VIOLATION * allowed) * errors.held))
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
-    everywhere, asymptotic = not 0.0 < large.mean() <= 0.5, errors.total < _ASYMPTOTIC
+    everywhere = not 0.0 < large.mean() <= 0.5
     full = len(nodes) >= most_nodes
     if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not violated.any()) or full):
         raised = np.where(counts < MOST_COUNT, counts + 1, counts)

@@ -30,12 +30,19 @@ def switching() -> Solution:
     return dataclasses.replace(solution, u=u)
 
 
-def next_mesh(solution: Solution, own: dict[int, float], path: dict[int, float] | None = None) -> HpMesh:
-    errors = IntervalErrors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1))
+def next_mesh(
+    solution: Solution,
+    own: dict[int, float],
+    path: dict[int, float] | None = None,
+    held: dict[int, float] | None = None,
+) -> HpMesh:
+    errors = IntervalErrors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1), np.zeros(NODES - 1))
     for i, value in own.items():
         errors.own[i] = value
     for i, value in (path or {}).items():
         errors.path[i] = value
+    for i, value in (held or {}).items():
+        errors.held[i] = value
     return meshed(solution, without_structure(solution.problem), errors, ALLOWED, 300, hard=False)
 
 
@@ -69,6 +76,13 @@ def test_what_is_not_needed_goes(switching: Solution) -> None:
     assert merged.min() >= switching.grid.nodes[5]
     assert merged.max() <= switching.grid.nodes[15]
     assert 3 in mesh.counts
+
+
+def test_a_constraint_that_holds_throughout_gets_points_where_its_control_is_smooth(switching: Solution) -> None:
+    mesh = next_mesh(switching, {}, held={5: 10.0 * ALLOWED, 20: 10.0 * ALLOWED})
+    assert mesh.counts[5] > 4
+    assert np.array_equal(mesh.grid.nodes[:20], switching.grid.nodes[:20])
+    assert len(mesh.grid) > NODES  # but nodes where it jumps
 
 
 @pytest.mark.parametrize("boundaries", [[], [0.5], [1.0 - 3e-6, 1.0 - 1e-6]])

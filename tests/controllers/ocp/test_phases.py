@@ -242,6 +242,77 @@ def test_multipliers_of_a_phase_are_those_of_the_problem_in_one_phase() -> None:
     np.testing.assert_allclose(found["a"].multipliers.initial["v"], whole.multipliers.initial["v"], rtol=1e-5)
 
 
+def to_orbit(length: float, time: float, *, twice: bool) -> MultiPhaseProblem:
+    """Two phases of thrust about the earth to five elements of an orbit, in units of length [m] and of time [s].
+
+    ``twice`` states an angular momentum that follows from them.
+    """
+    mu, radius = 3.986012e14 * time**2 / length**3, 6378145.0 / length
+    problem, speed = MultiPhaseProblem("to orbit"), math.sqrt(mu / radius)
+    phases = [problem.phase("thrust"), problem.phase("more")]
+    for phase in phases:
+        r, v = phase.state("r", 3, guess=[(radius, 0.0, 0.0), (0.0, radius, 0.0)]), phase.state("v", 3, guess=speed)
+        u = phase.control("u", 3)
+        phase.duration(1000.0 / time)
+        phase.dynamics(r, v)
+        phase.dynamics(v, u - mu * r / ca.norm_2(r) ** 3)
+        phase.minimise(running=ca.sumsqr(u))
+    phases[0].start(phases[0].statement.x[:3], [radius, 0.0, 0.0])
+    h = ca.cross(r, v)
+    e, size, node = ca.cross(v, h) / mu - r / ca.norm_2(r), ca.norm_2(h), ca.vertcat(-h[1], h[0], 0.0)
+    phase.end_constraint(1.0 / (2.0 / ca.norm_2(r) - ca.sumsqr(v) / mu) == 3.8 * radius)
+    phase.end_constraint(ca.norm_2(e) == 0.73)
+    phase.end_constraint(ca.acos(h[2] / size) == 0.5)
+    phase.end_constraint(ca.atan2(node[1], node[0]) == -1.6)
+    phase.end_constraint(ca.acos(ca.dot(node, e) / ca.norm_2(node) / ca.norm_2(e)) == 2.3)
+    if twice:
+        phase.end_constraint(ca.sumsqr(h) == mu * 3.8 * radius * (1.0 - 0.73**2))
+    problem.link(*phases)
+    return problem
+
+
+@pytest.mark.parametrize(("length", "time"), [(1.0, 1.0), (1e3, 1.0), (6378145.0, 806.81)])
+def test_equations_are_counted_alike_in_every_unit(length: float, time: float) -> None:
+    assert len(to_orbit(length, time, twice=False).functions().final_names) == 11
+    with pytest.raises(ProblemError, match=r"12 equations at the end: .* allowed: 11, as many as"):
+        to_orbit(length, time, twice=True).functions()
+
+
+def readings(coupled: Callable[[MultiPhaseProblem, ca.SX, ca.SX], Any]) -> MultiPhaseProblem:
+    """x' = -k x from 1, k to be found from two readings, a phase for each; the phases share k by the link, and more."""
+    problem = MultiPhaseProblem("readings")
+    phases = [problem.phase("a"), problem.phase("b")]
+    for phase, reading in zip(phases, (math.exp(-0.5), math.exp(-1.0)), strict=True):
+        x, k = phase.state("x", guess=1.0), phase.unknown("k")
+        phase.duration(1.0)
+        phase.dynamics(x, -k * x)
+        phase.minimise(terminal=(x - reading) ** 2)
+    phases[0].start(phases[0].statement.x[0], 1.0)
+    problem.link(*phases)
+    coupled(problem, *(phase.statement.x[1] for phase in phases))
+    return problem
+
+
+@pytest.mark.parametrize(
+    "coupled",
+    [
+        lambda problem, k_a, k_b: None,
+        lambda problem, k_a, k_b: problem.couple(k_b == k_a),
+        lambda problem, k_a, k_b: [problem.couple(2 * k_b == 1), problem.couple(k_a + k_b == 1)],
+    ],
+)
+def test_equations_of_constants_that_follow_from_others_do_not_count(coupled: Callable[..., Any]) -> None:
+    found = readings(coupled).solve()
+    assert found.ok
+    assert found["b"]["k"][-1] == pytest.approx(0.5)
+    assert found["a"].multipliers.initial["x"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_equations_of_constants_that_contradict_each_other_are_too_many() -> None:
+    problem = readings(lambda problem, k_a, k_b: [problem.couple(k_b == 1), problem.couple(k_a == 2)])
+    assert problem.solve(5).status is SolverOutcome.OVERDETERMINED
+
+
 @pytest.mark.parametrize(
     ("wrong", "named"),
     [

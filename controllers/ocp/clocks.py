@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.interfaces.signals import Array, Integers
 
@@ -25,7 +26,7 @@ class Clock(NamedTuple):
 
     state: int
     rate: int
-    held: Integers  # (·,) its controls and path constraints, counted behind all controls
+    held: Integers  # (·,) its controls, path constraints and bounded states, counted one behind the other
 
 
 def clock_name(phase: str) -> str:
@@ -41,15 +42,12 @@ def rate_name(phase: str) -> str:
 @lru_cache(maxsize=64)
 def clocks_of(problem: ProblemFunctions) -> tuple[Clock, ...]:
     """Clocks of a stacked problem; none for any other."""
+    names = [*problem.controls, *problem.path_names, *(problem.states[k] for k in bounded_states(problem))]
     return tuple(
         Clock(
             problem.states.index(clock_name(phase)),
             problem.controls.index(rate_name(phase)),
-            np.array(
-                [k for k, name in enumerate(problem.controls) if name.startswith(f"{phase}.")]
-                + [problem.nu + k for k, name in enumerate(problem.path_names) if name.startswith(f"{phase}: ")],
-                dtype=np.int64,
-            ),
+            np.flatnonzero([name.startswith((f"{phase}.", f"{phase}: ")) for name in names]),
         )
         for phase in problem.clocks
     )
@@ -58,16 +56,16 @@ def clocks_of(problem: ProblemFunctions) -> tuple[Clock, ...]:
 def own_arcs(clock: Clock, held: Array) -> Integers:
     """Index (A,) of the phase's own arc in each arc of all phases: where nothing of it changes, they are one.
 
-    ``held`` (A, nu + nd, ·) is what holds the controls and path constraints on each arc.
+    ``held`` (A, nu + nd + nb, ·) is what holds controls, path constraints and bounded states on each arc.
     """
     changes = held[1:, clock.held] != held[:-1, clock.held]
     return np.append(0, np.cumsum(changes.any(axis=tuple(range(1, changes.ndim))))).astype(np.int64)
 
 
 def without_vanished(clock: Clock, held: Integers, lengths: Array, least: float) -> Integers:
-    """What holds (A, nu + nd) on each arc, without the phase's own arcs below ``least``: a neighbour takes their place.
+    """What holds (A, nu + nd + nb) on each arc, with a neighbour in the place of the phase's own arcs below a length.
 
-    ``lengths`` (A,) are those of the arcs in the phase's own time.
+    ``lengths`` (A,) are those of the arcs in the phase's own time, of which ``least`` is kept.
     """
     own = own_arcs(clock, held)
     kept = np.flatnonzero(np.bincount(own, lengths) >= least)

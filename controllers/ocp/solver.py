@@ -22,7 +22,13 @@ from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unboun
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
-from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
+from mathnavi.controllers.ocp.layout import (
+    bounded_controls,
+    bounded_states,
+    control_variations,
+    fractions_between,
+    mixed_constraints,
+)
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
@@ -175,8 +181,16 @@ class Transcription:
         for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
             held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
             limits[controls[stated]] = held[stated]
-        bounded = bounded_controls(problem)
-        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
+        bounded = bounded_states(problem)
+        states = [layout.state_columns[1:, bounded]]  # at the end of each interval; its start is of the one before
+        inner = layout.stage_columns[:, layout.state_size + points * problem.nu :]
+        states += [inner[:, m * problem.nx + np.array(bounded, int)] for m in range(self.scheme.interior)]
+        for limits, own in zip(unknowns, arcs.state_bounds, strict=True):
+            held = (own / problem.state_scale[bounded])[arcs.of_interval]
+            for columns in states:
+                limits[columns[columns >= 0]] = held[columns >= 0]
+        between = bounded_controls(problem)
+        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, between][arcs.of_interval]
         path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
         many = len(fractions_between(self.scheme))  # what is held needs no bounds in between
         fixed = np.hstack([np.tile(fixed, (1, many)), path[:, : path.shape[1] * min(1, many)]])
@@ -191,7 +205,7 @@ class Transcription:
         """The bounds with those of clocks whose rates are unknown constants on each phase's own arcs; x_0 alike."""
         programme, of_interval = self.programme, arcs.of_interval
         lower, upper, row_lower, row_upper = bounds
-        held = np.hstack([np.dstack(arcs.control_bounds), np.dstack(arcs.path_bounds)])
+        held = np.hstack([np.dstack(each) for each in (arcs.control_bounds, arcs.path_bounds, arcs.state_bounds)])
         for rows, columns, clock in zip(programme.tied_rows, programme.tied_columns, self._clocks, strict=True):
             own = own_arcs(clock, held)[of_interval]
             extents = np.bincount(own, grid.widths)

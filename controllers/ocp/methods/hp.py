@@ -186,7 +186,7 @@ class _Plan:
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
-        arcs = Arcs(intervals, *known.limits(problem), weights)
+        arcs = Arcs(intervals, *known.limits(problem), smoothing=weights)
         made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known))
         return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 

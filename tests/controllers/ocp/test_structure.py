@@ -69,7 +69,7 @@ def test_a_limit_of_first_order_has_an_arc_and_determines_the_control_there() ->
     seen = structure(coarse(problem, 13))
     assert first_order_constraints(problem).tolist() == [[True]]
     assert seen.held.tolist() == [[1, 0], [0, 1], [1, 0]]
-    controls, path = seen.limits(problem)
+    controls, path, _ = seen.limits(problem)
     assert (controls.lower[1, 0], controls.upper[1, 0]) == (0.0, 1.0)
     assert path.lower[1, 0] == path.upper[1, 0] == 0.0
     assert not first_order_constraints(bryson_denham(0.1)).any()

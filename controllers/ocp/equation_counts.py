@@ -12,6 +12,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.expressions import column
+from mathnavi.controllers.ocp.problem_functions import MOST_ROWS
 from mathnavi.controllers.ocp.statement import Statement
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
@@ -45,13 +46,13 @@ def check_equations(statement: Statement, guess: Array, scale: Array, nominal: A
         most = own.rank(size)
         if len(rows) > most:
             raise ProblemError(
-                f"{name}: {len(rows)} equations at {where}: {', '.join(row.name for row in rows)}; "
+                f"{name}: {len(rows)} equations at {where}: {_listed([row.name for row in rows])}; "
                 f"allowed: {most}, as many as {_names(unknown[:size])} can meet"
             )
     along = [row for row in statement.path if row.lower == row.upper]
     if len(along) > statement.u.numel():
         raise ProblemError(
-            f"{name}: {len(along)} equations at the path: {', '.join(row.name for row in along)}; "
+            f"{name}: {len(along)} equations at the path: {_listed([row.name for row in along])}; "
             f"allowed: {statement.u.numel()}, as many as {_names(statement.u)} can meet"
         )
     pinned, most = sum(len(rows) for rows in every), len(statement.states) + free
@@ -134,4 +135,10 @@ def _at_both_ends(statement: Statement, slopes: list[_Slopes], free: int) -> int
 
 
 def _names(unknown: ca.SX) -> str:
-    return ", ".join(symbol.name() for symbol in ca.symvar(unknown)) or "no control"
+    return _listed([symbol.name() for symbol in ca.symvar(unknown)]) or "no control"
+
+
+def _listed(names: list[str]) -> str:
+    """The names, or as many of them as a line has room for, and how many more."""
+    more = len(names) - MOST_ROWS
+    return ", ".join(names if more <= 0 else [*names[:MOST_ROWS], f"{more} more"])

@@ -148,6 +148,24 @@ def test_switches_of_two_phases_do_not_share_their_places() -> None:
     assert again.cost == pytest.approx(best, rel=1e-7)
 
 
+@pytest.mark.parametrize("fastest", [math.inf, 1.2])
+def test_phases_with_arcs_of_their_own_numbers(fastest: float) -> None:
+    """From rest to rest over a distance, |u| <= 1 and v at most ``fastest``, three times, in the least time."""
+    problem, distances = MultiPhaseProblem("three ways"), (1.0, 3.0, 5.0)
+    for k, distance in enumerate(distances):
+        phase = problem.phase(f"{k}")
+        x, v = phase.state("x", guess=(0.0, distance)), phase.state("v", upper=fastest)
+        u = phase.control("u", lower=-1.0, upper=1.0)
+        phase.minimise(terminal=phase.free_duration(guess=3.0, lower=0.1, upper=30.0))
+        phase.dynamics(ca.vertcat(x, v), ca.vertcat(v, u))
+        phase.start(ca.vertcat(x, v), 0.0), phase.end(ca.vertcat(x, v), [distance, 0.0])
+    found = problem.solve()
+    peaks = [min(fastest, math.sqrt(distance)) for distance in distances]
+    assert found.ok
+    for k, (distance, peak) in enumerate(zip(distances, peaks, strict=True)):
+        assert found[f"{k}"].duration == pytest.approx(peak + distance / peak, rel=1e-8)
+
+
 def handed_over(end: float | None, start: float) -> tuple[MultiPhaseProblem, OptimalControlProblem, Any]:
     """x' = u twice, x from 0 to ``end``, then from ``start`` to 6; not linked yet."""
     problem = MultiPhaseProblem("handed over")

@@ -129,10 +129,10 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
-        bounds = None if arcs is None else self._bounds(arcs)
-        if arcs is not None and self._arcs > 1 and self._clocks:
+        bounds: _Bounds | None = None if arcs is None else self._bounds(arcs)
+        if self._clocks and arcs is not None and bounds is not None and self._arcs > 1:
             arcs.check(where)
-            bounds = self._tied(bounds, arcs, where, x_0)
+            self._tie(bounds, arcs, where, x_0)
         elif self._clocks and guess is not None and not self.scheme.shared:
             bounds = self._as_guessed(bounds, guess, where, x_0)
         answer = self.solver.solve(x_0, known, bounds=bounds)
@@ -189,8 +189,8 @@ class Transcription:
             held = (own / problem.state_scale[bounded])[arcs.of_interval]
             for columns in states:
                 limits[columns[columns >= 0]] = held[columns >= 0]
-        between = bounded_controls(problem)
-        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, between][arcs.of_interval]
+        limited = bounded_controls(problem)
+        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, limited][arcs.of_interval]
         path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
         many = len(fractions_between(self.scheme))  # what is held needs no bounds in between
         fixed = np.hstack([np.tile(fixed, (1, many)), path[:, : path.shape[1] * min(1, many)]])
@@ -201,8 +201,8 @@ class Transcription:
             limits[between] = free
         return *unknowns, *rows
 
-    def _tied(self, bounds: _Bounds, arcs: Arcs, grid: Grid, x_0: Array) -> _Bounds:
-        """The bounds with those of clocks whose rates are unknown constants on each phase's own arcs; x_0 alike."""
+    def _tie(self, bounds: _Bounds, arcs: Arcs, grid: Grid, x_0: Array) -> None:
+        """Set bounds of clocks whose rates are unknown constants on each phase's own arcs, and the guess of these."""
         programme, of_interval = self.programme, arcs.of_interval
         lower, upper, row_lower, row_upper = bounds
         held = np.hstack([np.dstack(each) for each in (arcs.control_bounds, arcs.path_bounds, arcs.state_bounds)])
@@ -219,23 +219,21 @@ class Transcription:
             row_lower[apart], row_upper[apart] = -np.inf, np.inf
             end = self.layout.state_columns[-1, clock.state]
             lower[end], upper[end], x_0[end] = 1.0, 1.0, 1.0
-        return bounds
 
     def _as_guessed(self, bounds: _Bounds | None, guess: Solution, grid: Grid, x_0: Array) -> _Bounds:
         """The bounds with clocks that run as in the guess: each phase has its nodes where the guess has them."""
         programme, layout = self.programme, self.layout
-        lower, upper, *rows = bounds or (
-            programme.x_lower.copy(), programme.x_upper.copy(), programme.lower, programme.upper,
-        )  # fmt: skip
+        own = programme.x_lower.copy(), programme.x_upper.copy(), programme.lower, programme.upper
+        lower, upper, row_lower, row_upper = bounds or own
         for clock in self._clocks:
             times = guess.state(grid.nodes * guess.duration)[:, clock.state]
             rates = np.diff(times) / grid.widths / (times[-1] - times[0])
             columns = layout.stage_columns[:, layout.state_size :][:, clock.rate : layout.own_points * self.problem.nu]
             columns = columns[:, :: self.problem.nu]
             there = columns >= 0
-            own = np.tile(rates[:, None], (1, columns.shape[1]))[there]
-            lower[columns[there]], upper[columns[there]], x_0[columns[there]] = own, own, own
-        return lower, upper, *rows
+            for side in (lower, upper, x_0):
+                side[columns[there]] = np.tile(rates[:, None], (1, columns.shape[1]))[there]
+        return lower, upper, row_lower, row_upper
 
     def _read(
         self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float

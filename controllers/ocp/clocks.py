@@ -53,7 +53,7 @@ def clocks_of(problem: ProblemFunctions) -> tuple[Clock, ...]:
     )
 
 
-def own_arcs(clock: Clock, held: Array) -> Integers:
+def own_arcs(clock: Clock, held: Array | Integers) -> Integers:
     """Index (A,) of the phase's own arc in each arc of all phases: where nothing of it changes, they are one.
 
     ``held`` (A, nu + nd + nb, ·) is what holds controls, path constraints and bounded states on each arc.

@@ -115,7 +115,8 @@ def _path(solution: Solution, x: Array, u: Array, t: Array) -> Array:
 
 def _path_scale(problem: ProblemFunctions) -> Array:
     limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
-    return np.maximum(1.0, np.maximum(*limits))
+    scale: Array = np.maximum(1.0, np.maximum(*limits))
+    return scale
 
 
 def running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:

@@ -92,10 +92,10 @@ def without_repetitions(statement: Statement) -> tuple[list[Row], list[Row]]:
     Only linear ones are compared.
     """
     constants = column(v.symbol for v in statement.states if statement.rates[v.name].is_zero())
-    known, kept = np.empty((0, constants.numel() + 1)), []
+    known, kept = np.empty((0, constants.numel() + 1)), list[bool]()
     for row in (*statement.initial, *statement.final):
         made = _linear(row, constants)
-        follows = made is not None and len(known) and _rank(np.vstack([known, made])) == _rank(known)
+        follows = made is not None and len(known) > 0 and _rank(np.vstack([known, made])) == _rank(known)
         if made is not None and not follows:
             known = np.vstack([known, made])
         kept.append(not follows)

@@ -90,7 +90,8 @@ def structure(solution: Solution) -> Structure:
     pure = _active_constraints(solution, path, mixed)
     overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
     nowhere = np.zeros(len(tau), dtype=bool)
-    codes, nothing = [], (np.zeros(1, dtype=np.int64), np.empty(0))
+    codes = list[tuple[Integers, Array]]()
+    nothing = np.zeros(1, dtype=np.int64), np.empty(0)
     rates = {clock.rate for clock in clocks_of(problem)}
     first_order, followed = first_order_constraints(problem), _followed(solution, path)
     for j in range(problem.nu):

@@ -128,7 +128,8 @@ class NlpSolver:
         compiled: bool = False,
         cache: Mapping[str, Any] | None = None,
     ) -> None:
-        options = {"print_time": False, "calc_lam_p": False, **settings}
+        # CasADi would count equations in every call, and print a warning; what is one is the status OVERDETERMINED.
+        options = {"print_time": False, "calc_lam_p": False, "inputs_check": False, **settings}
         if plugin == "ipopt":
             options["ipopt"] = {**options.get("ipopt", {}), "max_cpu_time": seconds}
         known = {} if cache is None else {"cache": cache}

@@ -15,19 +15,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.ocp.grid import Grid, from_widths
+from mathnavi.controllers.ocp.grid import Grid, widened
 from mathnavi.controllers.ocp.problem_functions import Interval
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array, Integers
 
+_ROUNDING = 1e-13  # width of an interval, as a fraction of T, below which two nodes may round to one
+
 
 @dataclass(frozen=True, eq=False)
 class Arcs:
-    """Arcs of a grid: the number of intervals of each, and the bounds of controls and path constraints on it."""
+    """Arcs of a grid: the number of intervals of each, and the limits of what may be held on it."""
 
     intervals: tuple[int, ...]  # (A,) at least one each
     control_bounds: Interval  # (A, nu) each; equal where the control is held
     path_bounds: Interval  # (A, nd) each; equal where the constraint holds with equality
+    state_bounds: Interval  # (A, nb) each, of the bounded states; equal where the state is held
     smoothing: Array | None = None  # (A, nu) weight ρ of each control's variation within an interval; None for zeros
 
     def __post_init__(self) -> None:
@@ -66,4 +69,4 @@ def starts(shares: Array) -> Array:
 
 def placed(shares: Array, lengths: Array) -> Grid:
     """The grid whose intervals have the shares W (N - 1, A) of arcs with these lengths (A,)."""
-    return from_widths(shares @ lengths)
+    return widened(shares @ lengths, _ROUNDING)

@@ -42,7 +42,7 @@ class Options:
     backend: Backend = "ipopt"
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
-    seconds: Positive = 600.0  # of CPU time, after which a solve is ended
+    seconds: Positive = 600.0  # of CPU time, after which a call is ended, however many programmes it solves
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
     linear_solver: LinearSolver = "mumps"  # of IPOPT; all but MUMPS and SPRAL need an additional library
     hessian: Hessian = "exact"  # of IPOPT

@@ -14,7 +14,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.layout import mixed_constraints
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, along
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
@@ -23,6 +26,7 @@ from mathnavi.interfaces.signals import Array
 
 _POINTS = 8  # Gauss points of an interval
 _SWEEPS = 3  # of Picard's iteration
+_HOLDS = 1e-6  # scaled distance to its limit at which a constraint holds
 
 
 class Defects(NamedTuple):
@@ -30,7 +34,8 @@ class Defects(NamedTuple):
 
     states: Array  # (N - 1, nx) e at the end of the interval, over the states' scales
     cost: Array  # (N - 1,) the interval's share in J replayed less that in J, in units of J
-    path: Array  # (N - 1,) largest violation of the states' bounds and path constraints, scaled
+    path: Array  # (N - 1,) largest violation of the states' bounds and path constraints, scaled, but for those in:
+    held: Array  # (N - 1,) that of constraints on a control that hold at all points of the interval
 
 
 def defects(solution: Solution) -> Defects:
@@ -57,27 +62,61 @@ def defects(solution: Solution) -> Defects:
     at, shares = solution.point_times.ravel(), solution.point_shares
     inner = solution.inner.reshape(len(at), -1), solution.u.reshape(len(at), problem.nu)
     stated = (running_costs(solution, *inner, at).reshape(shares.shape) * shares).sum(axis=1)
+    held = _held(solution)
     values = (
         ends,
         gained - stated,
-        _violations(solution, flown.reshape(len(t), -1), u, t).reshape(-1, _POINTS).max(axis=1),
+        *(
+            _violations(solution, (flown.reshape(len(t), -1), u, t), np.repeat(chosen, _POINTS, axis=0))
+            .reshape(-1, _POINTS)
+            .max(axis=1)
+            for chosen in (~held, held)
+        ),
     )
     return Defects(*(np.where(np.isfinite(value), value, np.inf) for value in values))
 
 
-def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
-    """Largest violation (n,) of the states' bounds and the path constraints, over scales and limits."""
-    problem, p = solution.problem, np.tile(solution.parameters[:, None], (1, len(t)))
-    path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
-    limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
-    found: Array = np.zeros(len(t))
-    for values, (lower, upper), scale in (
-        (x, problem.state_bounds, problem.state_scale),
-        (path, problem.path_bounds, np.maximum(1.0, np.maximum(*limits))),
-    ):
-        over = np.maximum(lower - values, values - upper) / scale
-        found = np.maximum(found, over.max(axis=1, initial=0.0))
+def _violations(solution: Solution, at: tuple[Array, Array, Array], chosen: NDArray[np.bool_]) -> Array:
+    """Largest violation (n,) of the states' bounds and the path constraints, over scales and limits.
+
+    At states (n, nx), controls (n, nu) and times (n,); of what is ``chosen`` (n, nx + nd).
+    """
+    problem, x = solution.problem, at[0]
+    over = [
+        np.maximum(lower - values, values - upper) / scale
+        for values, (lower, upper), scale in (
+            (x, problem.state_bounds, problem.state_scale),
+            (_path(solution, *at), problem.path_bounds, _path_scale(problem)),
+        )
+    ]
+    found: Array = np.where(chosen, np.hstack(over), 0.0).max(axis=1, initial=0.0)
     return found
+
+
+def _held(solution: Solution) -> NDArray[np.bool_]:
+    """(N - 1, nx + nd) True for path constraints on a control that hold at all points of an interval."""
+    problem, t = solution.problem, solution.point_times.ravel()
+    nd, mixed = len(problem.path_bounds.lower), mixed_constraints(problem)
+    found = np.zeros((solution.nodes - 1, problem.nx + nd), dtype=bool)
+    if mixed:
+        values = _path(solution, solution.inner.reshape(len(t), -1), solution.u.reshape(len(t), problem.nu), t)
+        with np.errstate(invalid="ignore"):
+            away = np.minimum(values - problem.path_bounds.lower, problem.path_bounds.upper - values)
+        holds = (away / _path_scale(problem) <= _HOLDS).reshape(len(found), -1, nd).all(axis=1)
+        found[:, problem.nx + np.array(mixed)] = holds[:, mixed]
+    return found
+
+
+def _path(solution: Solution, x: Array, u: Array, t: Array) -> Array:
+    """Path constraints (n, nd) at states (n, nx), controls (n, nu) and times (n,)."""
+    p = np.tile(solution.parameters[:, None], (1, len(t)))
+    return np.array(solution.problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
+
+
+def _path_scale(problem: ProblemFunctions) -> Array:
+    limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
+    scale: Array = np.maximum(1.0, np.maximum(*limits))
+    return scale
 
 
 def running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:

@@ -14,6 +14,9 @@ from mathnavi.interfaces.signals import Array
 
 _DENSE = 2001  # samples of a monitor function in an equidistributed grid
 
+LEAST_WIDTH = 1e-9
+"""least width of an interval, as a fraction of T, of a grid that a method makes: narrower ones end in rounding"""
+
 
 @dataclass(frozen=True, eq=False)
 class Grid:
@@ -74,6 +77,11 @@ def from_widths(widths: Array) -> Grid:
     return Grid(nodes)
 
 
+def widened(widths: Array, least: float) -> Grid:
+    """The grid whose intervals have widths (N - 1,), but none less than a fraction ``least`` of their sum."""
+    return from_widths(np.maximum(widths, least * widths.sum()))
+
+
 def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | None = None) -> Grid:
     """The grid of n nodes between which the integral of a monitor function w(τ) > 0 is the same (B.3).
 
@@ -97,7 +105,7 @@ def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | N
     mass = np.concatenate([[0.0], np.cumsum(w * np.diff(samples))])
     nodes = np.interp(np.linspace(0.0, mass[-1], count), mass, samples)
     nodes[0], nodes[-1] = 0.0, 1.0
-    return Grid(nodes)
+    return Grid(nodes) if np.diff(nodes).min() >= LEAST_WIDTH else widened(np.diff(nodes), LEAST_WIDTH)
 
 
 def split(grid: Grid, parts: Sequence[int]) -> Grid:

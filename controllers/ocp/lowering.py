@@ -11,8 +11,10 @@ import numpy as np
 
 from mathnavi.controllers.ocp.breaks import break_fractions
 from mathnavi.controllers.ocp.comparisons import Row
+from mathnavi.controllers.ocp.equation_counts import check_equations, without_repetitions
 from mathnavi.controllers.ocp.expressions import check_symbols, column
 from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulated
+from mathnavi.controllers.ocp.implied_bounds import without_implied
 from mathnavi.controllers.ocp.instants import instant_functions
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
@@ -44,10 +46,12 @@ def functions_of(statement: Statement) -> ProblemFunctions:
         raise ProblemError(f"{name}: no dynamics for {', '.join(missing)}; allowed: one for each state")
     if statement.duration is None:
         raise ProblemError(f"{name}: no duration is given; allowed: duration() or free_duration()")
-    _check_equations(statement)
     s = with_duration(since_start(statement))
     rates = ca.vertcat(*(s.rates[v.name] for v in s.states))
     guess = guesses_of(s)
+    initial, final = without_repetitions(s)
+    s = dataclasses.replace(s, initial=initial, final=final)
+    check_equations(s, guess.states, guess.state_scale, _nominal(s))
     return ProblemFunctions(
         name=name,
         states=tuple(v.name for v in s.states),
@@ -60,7 +64,7 @@ def functions_of(statement: Statement) -> ProblemFunctions:
         initial=_function(s, "i", s.at_start, _column(s.initial), "start"),
         final=_function(s, "s", s.at_end, _column(s.final), "end"),
         state_bounds=bounds(s.states),
-        control_bounds=bounds(s.controls),
+        control_bounds=without_implied(bounds(s.controls), s.path, s.u),
         path_bounds=limits(s.path),
         initial_bounds=limits(s.initial),
         final_bounds=limits(s.final),
@@ -159,48 +163,6 @@ def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Ar
 
 def _nominal(statement: Statement) -> Array:
     return np.array([each.nominal for each in statement.parameters], float)
-
-
-def _check_equations(statement: Statement) -> None:
-    """Refuse more equations than there is freedom to meet them."""
-    assert statement.duration is not None
-    name, free = statement.name, int(statement.duration.free)
-    at_end = ca.vertcat(statement.x, statement.final_time) if free else statement.x
-    unknowns = {"the start": statement.x, "the end": at_end, "the path": statement.u}
-    sets = zip(unknowns.items(), (statement.initial, statement.final, statement.path), strict=True)
-    for (where, unknown), rows in sets:
-        equations = [row for row in rows if row.lower == row.upper]
-        most = unknown.numel() if where == "the path" else _independent(equations, unknown)
-        if len(equations) > most:
-            raise ProblemError(
-                f"{name}: {len(equations)} equations at {where}: {', '.join(row.name for row in equations)}; "
-                f"allowed: {most}, as many as {_names(unknown)} can meet"
-            )
-    pinned = sum(row.lower == row.upper for row in (*statement.initial, *statement.final))
-    if not statement.controls and pinned > len(statement.states) + free:
-        raise ProblemError(
-            f"{name}: {pinned} equations at the start and the end, and no control; "
-            f"allowed: {len(statement.states) + free}, as many as there are states" + " and the final time" * free
-        )
-
-
-def _independent(equations: list[Row], unknown: ca.SX) -> int:
-    """Number of equations that the unknowns can meet at once: the rank of their slopes at a point in general position.
-
-    The structural rank where they are not defined there.
-    """
-    if not equations:
-        return 0
-    slopes = ca.jacobian(_column(equations), unknown)
-    symbols = ca.vertcat(*ca.symvar(ca.veccat(slopes, unknown)))
-    values = np.array(ca.Function("slopes", [symbols], [ca.densify(slopes)])(np.cos(1.0 + np.arange(symbols.numel()))))
-    if not np.isfinite(values).all():
-        return int(ca.sprank(slopes))
-    return int(np.linalg.matrix_rank(values))
-
-
-def _names(unknown: ca.SX) -> str:
-    return ", ".join(symbol.name() for symbol in ca.symvar(unknown)) or "no control"
 
 
 def _column(rows: list[Row]) -> ca.SX:

@@ -7,8 +7,8 @@ Unknowns, stage by stage, each over its scale:
 The final time T and the constant s of an equidistribution are states that stay constant, so the programme has the band
 structure that a Riccati solver needs. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
 D_i / (N - 1); on a fixed grid both are parameters. A grid of several arcs (see ``arcs``) has their lengths δ in the
-place of T. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
-0, then what holds along its interval.
+place of T or, of several phases that switch, the rates of their clocks (see ``clocks``), which are equal at the points
+of an arc. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) = 0, then what holds along its interval.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.controllers.ocp.derivative_assembly import Assembly, Block, NlpStage
+from mathnavi.controllers.ocp.clocks import clocks_of
+from mathnavi.controllers.ocp.derivative_assembly import Assembly, Block, Factors, NlpStage
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution
 from mathnavi.controllers.ocp.grid import Mesh
 from mathnavi.controllers.ocp.layout import (
@@ -63,6 +64,9 @@ class Programme:
     final_rows: Integers  # (ns + ·,) rows of the end, and of the path constraints at the last node
     instant_rows: Integers  # (nc,) rows of what is stated at given times
     functional: ca.MX | None  # () Σ I_i(x, p), the distribution's share of f; None where it has none
+    tied_rows: Integers  # (clocks, n - 1) rows of each clock: its rates at two of the n points in turn are equal
+    tied_columns: Integers  # (clocks, n) columns of the rates
+    tied_intervals: Integers  # (n,) interval of each point
 
     @property
     def equality(self) -> list[bool]:
@@ -86,6 +90,8 @@ def programme(
     """
     if arcs > 1 and distribution.moving:
         raise ProblemError(f"arcs = {arcs} with {distribution!r}; allowed: one arc, or fixed nodes in each")
+    tied = arcs > 1 and bool(clocks_of(problem))
+    arcs = 1 if tied else arcs
     layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants, arcs)
     count, nz = nodes - 1, layout.state_size
     x = ca.MX.sym("x", layout.size)
@@ -143,7 +149,18 @@ def programme(
     if instant_nodes:
         columns = layout.state_columns[list(instant_nodes), : problem.nx].reshape(1, -1)
         blocks.append(Block(instants.stage, columns, at_instants, parameters))
-    x_lower, x_upper = _variable_bounds(layout, distribution)
+    x_lower, x_upper = _variable_bounds(layout, distribution, tied=tied)
+    tied_columns, tied_intervals = _rates(layout, tied=tied)
+    tied_rows = len(lower) + np.arange(tied_columns[:, 1:].size, dtype=np.int64).reshape(tied_columns[:, 1:].shape)
+    if tied:
+        lower, upper = (np.append(side, np.zeros(tied_rows.size)) for side in (lower, upper))
+        assert linear is not None  # arcs are those of collocation
+        rows, ones = tied_rows.ravel(), np.ones(tied_rows.size)
+        linear = Factors(
+            np.concatenate([linear.rows, rows, rows]),
+            np.concatenate([linear.columns, tied_columns[:, :-1].ravel(), tied_columns[:, 1:].ravel()]),
+            np.concatenate([linear.values, ones, -ones]),
+        )
     path_rows = [*(kept.sum(axis=1) - nz).tolist(), len(end.lower)]
     path_rows[0] += shift
     return Programme(
@@ -163,7 +180,22 @@ def programme(
         final_rows=at_end[0],
         instant_rows=at_instants[0],
         functional=functional,
+        tied_rows=tied_rows,
+        tied_columns=tied_columns,
+        tied_intervals=tied_intervals,
     )
+
+
+def _rates(layout: ProgrammeLayout, *, tied: bool) -> tuple[Integers, Integers]:
+    """Columns (clocks, n) of the rates of each clock at all points, in their order, and the intervals (n,) of these."""
+    nu = layout.problem.nu
+    every = layout.stage_columns[:, layout.state_size :][:, : layout.own_points * nu]
+    rates = [clock.rate for clock in clocks_of(layout.problem)] if tied else []
+    columns = np.array([every[:, rate::nu] for rate in rates], dtype=np.int64)
+    columns = columns.reshape(len(rates), layout.nodes - 1, layout.own_points)
+    there = every[:, ::nu] >= 0 if nu else np.zeros(columns.shape[1:], dtype=bool)
+    intervals = np.repeat(np.arange(layout.nodes - 1, dtype=np.int64), there.sum(axis=1))
+    return columns[:, there], intervals
 
 
 def at_rows(values: Array, rows: Integers) -> Array:
@@ -387,8 +419,8 @@ def _end(layout: ProgrammeLayout) -> _End:
     return _End(NlpStage(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p)), lower, upper)
 
 
-def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
-    """Bounds on the scaled unknowns."""
+def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution, *, tied: bool) -> tuple[Array, Array]:
+    """Bounds on the scaled unknowns; clocks run at the rate 1 unless they are ``tied``."""
     problem, n = layout.problem, layout.nodes
     duration = np.tile(np.array(problem.duration_bounds)[:, None], (1, layout.durations))
     if layout.arcs > 1:
@@ -400,7 +432,9 @@ def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) ->
         z = np.tile(np.concatenate([problem.state_bounds[k], duration[k], constants]), (n, 1))
         if layout.moving:
             z = np.hstack([z, positions[k][:, None]])
-        controls = problem.control_bounds[k]
+        controls = problem.control_bounds[k].copy()
+        if not tied:
+            controls[[clock.rate for clock in clocks_of(problem)]] = 1.0
         inputs = [np.tile(controls, layout.own_points), np.tile(problem.state_bounds[k], layout.scheme.interior)]
         inputs.append(np.full(int(layout.moving), RELATIVE_WIDTHS[k]))
         w = np.tile(np.concatenate(inputs), (n - 1, 1))

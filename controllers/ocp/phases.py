@@ -6,7 +6,8 @@ Each phase k has its own states, controls, dynamics, constraints, cost and durat
 
 all phases run side by side over τ, a free T_k is a constant state, and t_k = t_0 + T_1 + ... + T_(k-1). A linkage joins
 the end of one phase to the start of the next: it is a constraint on both ends, so the start of a state becomes a
-constant to be found. An event in the interior is a boundary between two phases.
+constant to be found. An event in the interior is a boundary between two phases. Where several phases may switch, each
+has a clock of its own (see ``clocks``).
 
     rocket = MultiPhaseProblem("two stages")
     boost, coast = rocket.phase("boost"), rocket.phase("coast")
@@ -26,11 +27,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.breaks import break_fractions
+from mathnavi.controllers.ocp.clocks import clock_name, rate_name
 from mathnavi.controllers.ocp.comparisons import Row, end_limits, rows
 from mathnavi.controllers.ocp.defects import running_costs
 from mathnavi.controllers.ocp.diagnosis import unbounded
 from mathnavi.controllers.ocp.dual_solution import own_names
 from mathnavi.controllers.ocp.expressions import expression
+from mathnavi.controllers.ocp.grid import Grid, from_widths
 from mathnavi.controllers.ocp.guesses import Values
 from mathnavi.controllers.ocp.instants import check_instant, instant_cost
 from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
@@ -42,12 +46,15 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
-from mathnavi.controllers.ocp.statement import Duration, Instant, Parameter, Statement, Variable
+from mathnavi.controllers.ocp.statement import Duration, Instant, Parameter, Statement, Variable, bounds
 from mathnavi.controllers.ocp.substitutions import guessed, since_start, solved
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.short_tables import short_table
+from mathnavi.interfaces.signals import Array
+
+_ROUNDING = 1e-12  # relative, by which a stated start may differ from a stated end
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -114,20 +121,23 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
     )
     duration = float(stacked[f"{name}.duration"][0]) if phase.duration.free else phase.duration.guess
     start = ca.SX(elapsed) if phase.start_time.is_zero() else phase.start_time
-    x = stacked.x[:, states]
+    x, grid = stacked.x[:, states], own_grid(stacked, name)
     begin = float(ca.Function("t_0", [phase.x], [start])(x[0]))
     constants = [float(stacked[v.name][0]) for v in phase.shared]
     problem = functions_of(solved(dataclasses.replace(phase, start_time=start), duration, constants))
     view = dataclasses.replace(
         stacked,
         problem=problem,
+        grid=grid,
         duration=duration,
         parameters=stacked.parameters[parameters],
         x=x,
         inner=stacked.inner[:, :, states],
         u=stacked.u[:, :, controls],
         costates=stacked.costates[:, states],
-        multipliers=_multipliers(stacked, name, problem, states, controls, duration),
+        multipliers=_multipliers(
+            stacked, name, problem, states, controls, duration * grid.widths / stacked.grid.widths
+        ),
         sensitivities=NamedValues(problem.parameters, stacked.sensitivities.values[parameters]),
         replay=None,
     )
@@ -136,6 +146,14 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         cost += instant_cost(problem.instants, view.at_instants, view.parameters)
     tolerance = stacked.tolerance if math.isfinite(stacked.tolerance) else GIVEN_NODES
     return replayed(dataclasses.replace(view, cost=cost), tolerance), begin
+
+
+def own_grid(stacked: Solution, name: str) -> Grid:
+    """The grid of a phase of a stacked solution, its clock at the nodes; that in τ where it has none."""
+    if name not in stacked.problem.clocks:
+        return stacked.grid
+    times = stacked[clock_name(name)]
+    return from_widths(np.diff(times)) if (np.diff(times) > 0.0).all() else stacked.grid
 
 
 def _running_cost(view: Solution) -> float:
@@ -147,10 +165,13 @@ def _running_cost(view: Solution) -> float:
 
 
 def _multipliers(
-    stacked: Solution, name: str, problem: ProblemFunctions, states: list[int], controls: list[int], duration: float
+    stacked: Solution, name: str, problem: ProblemFunctions, states: list[int], controls: list[int], seconds: Array
 ) -> Multipliers:
-    """Multipliers of a phase: those along the path are per second of the phase, no longer per unit of τ."""
-    whole, of_duration = stacked.multipliers, 0.0
+    """Multipliers of a phase: those along the path are per second of the phase, no longer per unit of τ.
+
+    ``seconds`` (N - 1,) is how long a unit of τ is in each interval.
+    """
+    whole, of_duration, duration = stacked.multipliers, 0.0, seconds[:, None, None]
     path, initial, final = (
         [k for k, row in enumerate(names) if row.startswith(f"{name}: ")]
         for names in (stacked.problem.path_names, stacked.problem.initial_names, stacked.problem.final_names)
@@ -245,7 +266,7 @@ class MultiPhaseProblem:
     ) -> None:
         """Let the states that two phases share by name go on from the end of one to the start of the other.
 
-        A state that the other phase starts itself, an integral for one, is left alone.
+        An integral begins anew in each phase. A state that the other phase starts itself ends there too, less its jump.
 
         Args:
             before: phase whose end is linked.
@@ -253,31 +274,36 @@ class MultiPhaseProblem:
             jumps: x_after(0) - x_before(T) by state, a number or an expression of parameters; 0 where none is given.
 
         Raises:
-            ProblemError: for phases of another problem, phases that share no state, and jumps of other states.
+            ProblemError: for phases of another problem, phases that share no state, jumps of other states, and a state
+                whose stated start and end differ by another jump.
         """
         self._check_own(before, after)
         jumps = dict(jumps or {})
         own = {v.name: v.symbol for v in before.statement.states}
         common = [v for v in after.statement.states if v.name in own and not v.name.endswith("(0)")]
-        shared = [v for v in common if v.name not in after.statement.starts]
+        shared = [v for v in common if v.name not in after.statement.integrals]
         names = ", ".join(v.name for v in shared)
         where = f"{self.name}: {before.name} to {after.name}"
         if not common:
             raise ProblemError(f"{where}: no state in common; allowed: phases with states of the same name")
         if not shared:
             raise ProblemError(
-                f"{where}: {', '.join(v.name for v in common)} of {after.name}: each has a start of its own; "
-                f"allowed: at least one state of both phases that {after.name} does not start itself"
+                f"{where}: {', '.join(v.name for v in common)}: integrals, which begin anew in {after.name}; "
+                "allowed: at least one other state of both phases"
             )
         if strangers := [str(name) for name in jumps if name not in [v.name for v in shared]]:
             why = "; ".join(f"{each} is {_why_it_cannot_jump(each, before, after)}" for each in strangers)
             raise ProblemError(
-                f"{where}: jump of {', '.join(strangers)}: {why}; allowed: jumps of {names}, the states of both phases "
-                f"that {after.name} does not start itself"
+                f"{where}: jump of {', '.join(strangers)}: {why}; allowed: jumps of {names}, the states of both phases"
             )
         for variable in shared:
             jump = expression(f"{where}: jump of {variable.name}", jumps.get(variable.name, 0.0))
-            gap = after.initial(variable.symbol) - own[variable.name] - jump
+            ends, starts = before.statement.ends.get(variable.name), after.statement.starts.get(variable.name)
+            if ends is not None and starts is not None and ca.vertcat(ends, starts, jump).is_constant():
+                self._check_joined(f"{where}: {variable.name}", float(ends), float(starts), float(jump))
+                continue
+            begins = starts if starts is not None and starts.is_constant() else after.initial(variable.symbol)
+            gap = begins - own[variable.name] - jump
             self.couple(gap == 0.0, name=f"{variable.name} from {before.name} to {after.name}")
 
     def couple(self, constraint: Any, *, lower: Any = None, upper: Any = None, name: str = "") -> None:
@@ -295,7 +321,8 @@ class MultiPhaseProblem:
 
         Raises ProblemError where something is missing or contradicts itself, naming it.
         """
-        return functions_of(self._stacked())
+        clocked = self._clocked
+        return dataclasses.replace(functions_of(self._stacked(clocked)), clocks=clocked)
 
     def solve(
         self,
@@ -335,19 +362,41 @@ class MultiPhaseProblem:
     def __repr__(self) -> str:
         return f"MultiPhaseProblem({self.name!r}, phases {[*self._phases]})"
 
+    @staticmethod
+    def _check_joined(what: str, end: float, start: float, jump: float) -> None:
+        """Refuse a link between two values that differ by more than the jump; rounding aside."""
+        if abs(start - end - jump) > _ROUNDING * max(abs(start), abs(end), abs(jump)):
+            raise ProblemError(
+                f"{what} ends at {end:g} and starts at {start:g}, jump {jump:g}; allowed: a jump of {start - end:g}"
+            )
+
     def _check_own(self, *phases: OptimalControlProblem) -> None:
         for phase in phases:
             if phase not in self._phases.values():
                 raise ProblemError(f"{self.name}: {phase!r:.80} is not one of its phases; allowed: {[*self._phases]}")
 
-    def _stacked(self) -> Statement:
-        """Single statement of all phases over τ."""
+    @property
+    def _clocked(self) -> tuple[str, ...]:
+        """Names of the phases that have a clock: those with limits at which a control may switch, if there are two.
+
+        None where something happens at times that are known, for these are fractions of what all phases pass at once.
+        """
+        may_switch = tuple(
+            name
+            for name, phase in self._phases.items()
+            if phase.statement.path or np.isfinite(bounds(phase.statement.controls)).any()
+        )
+        return may_switch if len(may_switch) > 1 and not break_fractions(self._stacked()) else ()
+
+    def _stacked(self, clocked: tuple[str, ...] = ()) -> Statement:
+        """Single statement of all phases over τ, some of which have a clock."""
         if not self._phases:
             raise ProblemError(f"{self.name}: no phase is begun; allowed: at least one")
         stacked = Statement(self.name, duration=Duration(1.0, 1.0, 1.0), parameters=list(self._parameters))
         elapsed = ca.SX(0)
         for name, phase in self._phases.items():
-            elapsed = _add_phase(stacked, name, phase.statement, elapsed, shared=self._parameters)
+            clock = _clock(stacked, name) if name in clocked else (stacked.t, ca.SX(1))
+            elapsed = _add_phase(stacked, name, phase.statement, elapsed, clock, shared=self._parameters)
         stacked.states += self._unknowns
         stacked.rates |= {v.name: ca.SX(0) for v in self._unknowns}
         fixed = {p.statement.final_time: p.statement.duration for p in self._phases.values()}
@@ -390,11 +439,33 @@ def _why_it_cannot_jump(name: str, before: OptimalControlProblem, after: Optimal
             return "a parameter"
         if name in [v.name for v in statement.states] and name not in other.statement.names:
             return f"a state of {phase.name} only"
-    return f"started by {after.name} itself" if name in after.statement.starts else "no state of either phase"
+    return (
+        f"an integral, which begins anew in {after.name}"
+        if name in after.statement.integrals
+        else "no state of either phase"
+    )
 
 
-def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, shared: list[Parameter]) -> ca.SX:
-    """Add a phase that begins at t = ``elapsed`` [s]; returns when it ends."""
+def _clock(stacked: Statement, name: str) -> tuple[ca.SX, ca.SX]:
+    """Add the clock of a phase; returns its time, a fraction of the phase's duration, and its rate."""
+    time, rate = ca.SX.sym(clock_name(name)), ca.SX.sym(rate_name(name))
+    free = -math.inf, math.inf, 1.0
+    stacked.states.append(Variable(clock_name(name), time, *free, Values(np.array([0.0, 1.0]))))
+    stacked.controls.append(Variable(rate_name(name), rate, *free, Values(np.array([1.0]))))
+    stacked.rates[clock_name(name)] = rate
+    stacked.initial.append(Row(time, 0.0, 0.0, f"start of {clock_name(name)}"))
+    return time, rate
+
+
+def _add_phase(
+    stacked: Statement,
+    name: str,
+    phase: Statement,
+    elapsed: ca.SX,
+    clock: tuple[ca.SX, ca.SX],
+    shared: list[Parameter],
+) -> ca.SX:
+    """Add a phase that begins at t = ``elapsed`` [s], with its time and rate on τ; returns when it ends."""
     duration = phase.duration
     if duration is None:
         raise ProblemError(f"{stacked.name}: phase {name} has no duration; allowed: duration() or free_duration()")
@@ -402,11 +473,12 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
         raise ProblemError(f"{stacked.name}: phase {name}: no dynamics for {', '.join(missing)}; allowed: one for each")
     T = phase.final_time if duration.free else ca.SX(duration.guess)
     begin = elapsed if phase.start_time.is_zero() else phase.start_time
-    now = begin + stacked.t * T
+    time, rate = clock
+    now = begin + time * T
 
     def at(made: ca.SX) -> ca.SX:
         own = ca.vertcat(phase.t, phase.elapsed, phase.final_time)
-        return ca.substitute(made, own, ca.vertcat(now, stacked.t * T, T))
+        return ca.substitute(made, own, ca.vertcat(now, time * T, T))
 
     def renamed(rows_of: list[Row]) -> list[Row]:
         return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
@@ -417,7 +489,7 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
         among = stacked.states if k < len(phase.states) else stacked.controls
         own = Values(values, guess.times)
         among.append(dataclasses.replace(variable, name=f"{name}.{variable.name}", scale=float(scale), guess=own))
-    stacked.rates |= {f"{name}.{state}": T * at(rate) for state, rate in phase.rates.items()}
+    stacked.rates |= {f"{name}.{state}": rate * T * at(own) for state, own in phase.rates.items()}
     if duration.free:
         constant = Values(np.array([duration.guess]))
         stacked.states.append(Variable(f"{name}.duration", T, duration.lower, duration.upper, duration.guess, constant))
@@ -425,7 +497,7 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
     stacked.parameters += [
         dataclasses.replace(each, name=f"{name}.{each.name}") for each in phase.parameters if each not in shared
     ]
-    stacked.running += T * at(phase.running)
+    stacked.running += rate * T * at(phase.running)
     stacked.terminal += at(phase.terminal)
     stacked.path += renamed(phase.path)
     stacked.initial += renamed(phase.initial)

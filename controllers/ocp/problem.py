@@ -297,6 +297,7 @@ class OptimalControlProblem:
         made = expression(f"{self.name}: {name}", rate)
         symbol = self.statement.declare("state", name, 1, -math.inf, math.inf, None, 0.0)
         self.statement.states[-1].guess = Derived()
+        self.statement.integrals.append(name)
         self.dynamics(symbol, made)
         self.start(symbol, 0.0)
         if lower != -math.inf or upper != math.inf:

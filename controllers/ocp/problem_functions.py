@@ -108,6 +108,7 @@ class ProblemFunctions:
     guess_duration: float  # [s]
     breaks: tuple[float, ...] = ()  # in ]0, 1[, fractions of T at which a node is placed, increasing
     instants: InstantFunctions | None = None  # what is stated at given times
+    clocks: tuple[str, ...] = ()  # of several phases, those that have a time of their own (see ``clocks``)
 
     def __repr__(self) -> str:
         """A short table: states, controls, constraints and ends with their limits, and parameters."""

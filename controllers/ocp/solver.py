@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import cached_property, lru_cache
+from typing import TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -16,13 +17,20 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
+from mathnavi.controllers.ocp.clocks import clocks_of, own_arcs
 from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths, on_breaks, uniform
-from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
+from mathnavi.controllers.ocp.layout import (
+    bounded_controls,
+    bounded_states,
+    control_variations,
+    fractions_between,
+    mixed_constraints,
+)
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.nlp import at_rows, programme
+from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
@@ -35,6 +43,9 @@ DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
 _AT_NODE = 1e-9  # of T, from a node that is at a given time
 _MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
+
+
+_Bounds: TypeAlias = tuple[Array, Array, Array, Array]  # of the scaled unknowns (n,) and the rows (m,)
 
 
 class Transcription:
@@ -50,7 +61,7 @@ class Transcription:
         arcs: int = 1,
         instant_nodes: tuple[int, ...] | None = None,
     ) -> None:
-        """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs.
+        """Build programme and solver for N = ``nodes`` nodes in ``arcs`` arcs; of phases with clocks, one or several.
 
         ``instant_nodes`` are the indices of the nodes at given times, None for those of uniform nodes; for a grid with
         other ones ``solve`` builds another transcription, and keeps it.
@@ -74,6 +85,7 @@ class Transcription:
         self.instant_nodes = instant_nodes
         self.programme = programme(problem, scheme, distribution, check_nodes(nodes), arcs, instant_nodes)
         self.layout = self.programme.layout
+        self._clocks, self._arcs = clocks_of(problem), arcs
         nlp = self.programme
         self._functional = None if nlp.functional is None else ca.Function("I", [nlp.x, nlp.p], [nlp.functional])
         self.solver = NumericalSolver(self.programme, options)
@@ -113,8 +125,8 @@ class Transcription:
                 f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
                 f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
             )
-        if (1 if arcs is None else len(arcs)) != self.layout.arcs:
-            raise ProblemError(f"arcs: {arcs}; allowed: the {self.layout.arcs} of this transcription")
+        if (1 if arcs is None else len(arcs)) != self._arcs:
+            raise ProblemError(f"arcs: {arcs}; allowed: the {self._arcs} of this transcription")
         if (instant_nodes := nodes_of_instants(self.problem, where)) != self.instant_nodes:
             return self._sibling(instant_nodes).solve(guess, where, p, arcs)
         shares = None
@@ -123,7 +135,7 @@ class Transcription:
             smoothing = arcs.smoothing[arcs.of_interval]
         if self.layout.moving:
             known = p
-        elif arcs is None or len(arcs) == 1:
+        elif arcs is None or self.layout.arcs == 1:
             known = np.concatenate([p, where.widths * (self.nodes - 1)])
         else:
             arcs.check(where)
@@ -131,7 +143,13 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
-        answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
+        bounds: _Bounds | None = None if arcs is None else self._bounds(arcs)
+        if self._clocks and arcs is not None and bounds is not None and self._arcs > 1:
+            arcs.check(where)
+            self._tie(bounds, arcs, where, x_0)
+        elif self._clocks and guess is not None and not self.scheme.shared:
+            bounds = self._as_guessed(bounds, guess, where, x_0)
+        answer = self.solver.solve(x_0, known, bounds=bounds)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         if answer.status is SolverOutcome.INFEASIBLE and arcs is None:
@@ -158,7 +176,7 @@ class Transcription:
                 self.distribution,
                 self.nodes,
                 self._options,
-                self.layout.arcs,
+                self._arcs,
                 instant_nodes,
             )
         return self._siblings[instant_nodes]
@@ -174,7 +192,7 @@ class Transcription:
             found = found or not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p, name)
         return dataclasses.replace(answer, message=found or answer.message)
 
-    def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:
+    def _bounds(self, arcs: Arcs) -> _Bounds:
         """Bounds on the scaled unknowns and the rows, those of controls and path constraints by their arcs."""
         layout, problem, programme = self.layout, self.problem, self.programme
         points, nd = self.layout.own_points, len(self.problem.path_bounds.lower)
@@ -186,11 +204,21 @@ class Transcription:
             ),
         )
         controls = layout.stage_columns[:, layout.state_size :][:, : points * problem.nu]
+        rates = [clock.rate for clock in self._clocks]  # their limits are no part of the problem
+        stated = (controls >= 0) & ~np.isin(np.arange(points * problem.nu) % max(1, problem.nu), rates)
         for limits, own in zip(unknowns, arcs.control_bounds, strict=True):
             held = np.tile((own / problem.control_scale)[arcs.of_interval], (1, points))
-            limits[controls[controls >= 0]] = held[controls >= 0]
-        bounded = bounded_controls(problem)
-        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, bounded][arcs.of_interval]
+            limits[controls[stated]] = held[stated]
+        bounded = bounded_states(problem)
+        states = [layout.state_columns[1:, bounded]]  # at the end of each interval; its start is of the one before
+        inner = layout.stage_columns[:, layout.state_size + points * problem.nu :]
+        states += [inner[:, m * problem.nx + np.array(bounded, int)] for m in range(self.scheme.interior)]
+        for limits, own in zip(unknowns, arcs.state_bounds, strict=True):
+            held = (own / problem.state_scale[bounded])[arcs.of_interval]
+            for columns in states:
+                limits[columns[columns >= 0]] = held[columns >= 0]
+        limited = bounded_controls(problem)
+        fixed = (arcs.control_bounds.lower == arcs.control_bounds.upper)[:, limited][arcs.of_interval]
         path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
         many = len(fractions_between(self.scheme))  # what is held needs no bounds in between
         fixed = np.hstack([np.tile(fixed, (1, many)), path[:, : path.shape[1] * min(1, many)]])
@@ -200,6 +228,40 @@ class Transcription:
             limits[along[along >= 0]] = np.tile(own[arcs.of_interval], (1, points))[along >= 0]
             limits[between] = free
         return *unknowns, *rows
+
+    def _tie(self, bounds: _Bounds, arcs: Arcs, grid: Grid, x_0: Array) -> None:
+        """Set bounds of clocks whose rates are unknown constants on each phase's own arcs, and the guess of these."""
+        programme, of_interval = self.programme, arcs.of_interval
+        lower, upper, row_lower, row_upper = bounds
+        held = np.hstack([np.dstack(each) for each in (arcs.control_bounds, arcs.path_bounds, arcs.state_bounds)])
+        for rows, columns, clock in zip(programme.tied_rows, programme.tied_columns, self._clocks, strict=True):
+            own = own_arcs(clock, held)[of_interval]
+            extents = np.bincount(own, grid.widths)
+            # A clock reads at the start of each own arc what the guess says; its rate is the mean to the next one.
+            times = x_0[self.layout.state_columns[:, clock.state]]
+            edges = np.append(np.flatnonzero(np.diff(own, prepend=-1)), len(own))
+            rates = np.maximum(np.diff(times[edges]), SHORTEST_ARC) / extents
+            at = own[programme.tied_intervals]
+            lower[columns], upper[columns], x_0[columns] = SHORTEST_ARC / extents[at], np.inf, rates[at]
+            apart = rows[np.diff(at) > 0]
+            row_lower[apart], row_upper[apart] = -np.inf, np.inf
+            end = self.layout.state_columns[-1, clock.state]
+            lower[end], upper[end], x_0[end] = 1.0, 1.0, 1.0
+
+    def _as_guessed(self, bounds: _Bounds | None, guess: Solution, grid: Grid, x_0: Array) -> _Bounds:
+        """The bounds with clocks that run as in the guess: each phase has its nodes where the guess has them."""
+        programme, layout = self.programme, self.layout
+        own = programme.x_lower.copy(), programme.x_upper.copy(), programme.lower, programme.upper
+        lower, upper, row_lower, row_upper = bounds or own
+        for clock in self._clocks:
+            times = guess.state(grid.nodes * guess.duration)[:, clock.state]
+            rates = np.diff(times) / grid.widths / (times[-1] - times[0])
+            columns = layout.stage_columns[:, layout.state_size :][:, clock.rate : layout.own_points * self.problem.nu]
+            columns = columns[:, :: self.problem.nu]
+            there = columns >= 0
+            for side in (lower, upper, x_0):
+                side[columns[there]] = np.tile(rates[:, None], (1, columns.shape[1]))[there]
+        return lower, upper, row_lower, row_upper
 
     def _read(
         self, answer: SolverAnswer, grid: Grid, p: Array, known: Array, shares: Array | None, cost: float

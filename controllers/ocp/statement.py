@@ -86,6 +86,7 @@ class Statement:
     instants: list[Instant] = field(default_factory=list)
     starts: dict[str, ca.SX] = field(default_factory=dict)  # x(0) by state, of those that have one value
     ends: dict[str, ca.SX] = field(default_factory=dict)  # x(T) by state, of those that have one value
+    integrals: list[str] = field(default_factory=list)  # names of the states that integral() declared
     has_cost: bool = False
     duration: Duration | None = None
     simulation: Simulation | None = None

@@ -2,8 +2,10 @@
 
 Read from a solution that may be coarse. A control that enters linearly jumps between its bounds, or leaves them on a
 singular arc; another one has a kink where it reaches a bound. Both need a node there (see ``arcs``), as do the ends of
-an arc on a path constraint or on the bound of a state. A bound counts as active only where its multiplier confirms
-it: on a singular arc, where a coarse control rings between its bounds, it does not.
+an arc on a path constraint or on the bound of a state. Such a limit on states alone is of first order where its rate
+has a linear control in it: it has an arc of its own, on which it holds with equality and determines the control. A
+bound counts as active only where its multiplier confirms it: on a singular arc, where a coarse control rings between
+its bounds, it does not.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.clocks import clocks_of
+from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.signals import Array, Integers
@@ -23,6 +27,8 @@ _AT_BOUND = 1e-3  # distance, over the range, that counts as resting on a contro
 _TOUCHING = 1e-5  # scaled distance to the limit of a constraint or of a state
 _WEAK = 1e-3  # of its largest value: a limit with a smaller multiplier is not active
 _DRAWS = 3  # of points in general position
+_ARC = 3  # points at which a constraint on states alone holds, of an arc and not of a touch
+_MOSTLY = 0.5  # of these points, a control is free
 _SAME = 1e-3  # [of the mean interval] boundaries that are as near are one
 
 
@@ -31,20 +37,26 @@ class Structure:
     """Boundaries (A - 1,) between arcs, fractions of T, and the bound that holds each control on each arc.
 
     ``edges`` are the fractions of T at which a constraint on the states alone begins or ends to hold. They are no
-    boundaries: an unknown node there would move to where the constraint, which holds at points, can be overrun.
+    boundaries, unless it is of first order and held there: an unknown node would move to where the constraint, which
+    holds at points, can be overrun.
     """
 
     boundaries: Array
-    held: Integers  # (A, nu + nd): bounds of controls, path constraints; -1 the lower limit, 1 the upper, 0 neither
+    held: Integers  # (A, nu + nd + nb) controls, path constraints and bounded states: -1 the lower limit, 1 the upper
     edges: Array
 
     def __len__(self) -> int:
         return len(self.held)
 
-    def limits(self, problem: ProblemFunctions) -> tuple[Interval, Interval]:
-        """Limits of controls (A, nu) and path constraints (A, nd) on each arc, equal where they are held."""
-        own, path = self.held[:, : problem.nu], self.held[:, problem.nu :]
-        return _held_to(own, problem.control_bounds), _held_to(path, problem.path_bounds)
+    def limits(self, problem: ProblemFunctions) -> tuple[Interval, Interval, Interval]:
+        """Limits of controls (A, nu), path constraints (A, nd) and bounded states (A, nb), equal where held."""
+        own, path, states = np.split(self.held, [problem.nu, problem.nu + len(problem.path_bounds.lower)], axis=1)
+        bounded = bounded_states(problem)
+        return (
+            _held_to(own, problem.control_bounds),
+            _held_to(path, problem.path_bounds),
+            _held_to(states, _selected(problem.state_bounds, bounded)),
+        )
 
     def without_arcs_below(self, length: float) -> Structure:
         """The structure without arcs shorter than ``length``, a fraction of T; neighbours that are equal become one."""
@@ -78,21 +90,38 @@ def structure(solution: Solution) -> Structure:
     mixed = switching_constraints(problem)
     pure = _active_constraints(solution, path, mixed)
     overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
-    codes = []
+    nowhere = np.zeros(len(tau), dtype=bool)
+    codes = list[tuple[Integers, Array]]()
+    nothing = np.zeros(1, dtype=np.int64), np.empty(0)
+    rates = {clock.rate for clock in clocks_of(problem)}
+    first_order, followed = first_order_constraints(problem), _followed(solution, path)
     for j in range(problem.nu):
+        if j in rates:
+            codes.append(nothing)
+            continue
+        resting = nowhere.copy()
+        for own, code in zip(first_order, followed, strict=True):
+            resting |= own[j] & (code != 0)
         bounds = problem.control_bounds.lower[j], problem.control_bounds.upper[j]
         values, multiplier = solution.u[:, :, j].ravel(), multipliers.controls.values[:, :, j].ravel()
         scale = problem.control_scale[j]
-        code, last = _runs_held(values, multiplier, bounds, scale, overlaid, linear=bool(linear[j]), k=k)
+        code, last = _runs_held(values, multiplier, bounds, scale, overlaid, resting, linear=bool(linear[j]), k=k)
         codes.append((code, _between(tau, last, nodes)))
     for j in range(path.shape[1]):
         bounds = problem.path_bounds.lower[j], problem.path_bounds.upper[j]
         code, last = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
         if mixed[j] and bounds[0] < bounds[1]:
             code, last = _runs_held(
-                path[:, j], multipliers.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, linear=False, k=k
-            )
+                path[:, j], multipliers.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, nowhere,
+                linear=False, k=k,
+            )  # fmt: skip
+        if followed[j].any():
+            _, ends, code = _runs(followed[j])
+            last = ends[:-1] - 1
         codes.append((code, _between(tau, last, nodes)))
+    for on_state in followed[path.shape[1] :]:
+        _, ends, code = _runs(on_state)
+        codes.append((code, _between(tau, ends[:-1] - 1, nodes)))
     boundaries = _apart(np.concatenate([*(switches for _, switches in codes), np.empty(0)]), solution.nodes)
     edges = [_edges(tau, active, nodes) for active in pure]
     held = _held(codes, 0.5 * (np.append(0.0, boundaries) + np.append(boundaries, 1.0)))
@@ -110,9 +139,23 @@ def switching_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
     return np.asarray(depends.any(axis=1) & ~depends[:, ~linear_controls(problem)].any(axis=1))
 
 
+@lru_cache(maxsize=64)
+def first_order_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """(nd + nb, nu) True where a path constraint on states alone, or a bounded state, has a rate that a control enters.
+
+    Only controls that enter linearly.
+    """
+    x, u, t, p = problem.dynamics.sx_in()
+    held, linear = ca.vertcat(problem.path(x, u, t, p), x[bounded_states(problem), :]), linear_controls(problem)
+    rate = ca.jtimes(held, x, problem.dynamics(x, u, t, p))
+    enters = np.array(ca.DM(ca.jacobian_sparsity(rate, u), 1.0).full(), dtype=bool).reshape(held.numel(), problem.nu)
+    pure = ~np.array(ca.DM(ca.jacobian_sparsity(held, u), 1.0).full(), dtype=bool).reshape(enters.shape).any(axis=1)
+    return np.asarray(enters & linear & pure[:, None])
+
+
 def without_structure(problem: ProblemFunctions) -> Structure:
     """Structure of a single arc, without active bounds."""
-    held = np.zeros((1, problem.nu + len(problem.path_bounds.lower)), dtype=np.int64)
+    held = np.zeros((1, problem.nu + len(problem.path_bounds.lower) + len(bounded_states(problem))), dtype=np.int64)
     return Structure(np.empty(0), held, np.empty(0))
 
 
@@ -124,19 +167,24 @@ def _apart(boundaries: Array, nodes: int) -> Array:
 
 
 def _held(codes: list[tuple[Integers, Array]], at: Array) -> Integers:
-    """Codes (n, nu) of the controls at fractions (n,) of T, from the runs of each and the boundaries between them."""
+    """Codes (n, ·) of what is held at fractions (n,) of T, from the runs of each and the boundaries between them."""
     columns = [code[np.searchsorted(switches, at)] for code, switches in codes]
     return np.array(columns, dtype=np.int64).reshape(len(codes), len(at)).T
 
 
 @lru_cache(maxsize=64)
 def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
-    """Controls (nu,) that enter dynamics and running cost linearly, and no path constraint otherwise."""
+    """Controls (nu,) that enter dynamics and running cost linearly, and no path constraint otherwise.
+
+    The rates of clocks are none: they are constants of arcs.
+    """
     x, u, t, p = problem.dynamics.sx_in()
     outputs = ca.vertcat(problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p), problem.path(x, u, t, p))
     slopes = ca.jacobian(outputs, u)
     own = [ca.vec(slopes[:, j]) for j in range(problem.nu)]
-    return np.array([_is_constant(each, u[j], [x, u, t, p]) for j, each in enumerate(own)], dtype=bool)
+    linear = np.array([_is_constant(each, u[j], [x, u, t, p]) for j, each in enumerate(own)], dtype=bool)
+    linear[[clock.rate for clock in clocks_of(problem)]] = False
+    return linear
 
 
 def _is_constant(slopes: ca.SX, control: ca.SX, known: list[ca.SX]) -> bool:
@@ -161,6 +209,7 @@ def _runs_held(
     bounds: tuple[float, float],
     scale: float,
     overlaid: NDArray[np.bool_],
+    resting: NDArray[np.bool_],
     *,
     linear: bool,
     k: int,
@@ -168,12 +217,14 @@ def _runs_held(
     """Codes (r,) of the runs of one control or constraint, and the last points (r - 1,) of all but the last run.
 
     Where a constraint on the states is ``overlaid`` (points,), the multipliers of both are not unique, and say nothing.
+    Where one determines the control (``resting``), that is free up to the ends of this arc.
     """
     lower, upper = bounds
     extent = upper - lower if np.isfinite(upper - lower) else scale
     code = np.where(u >= upper - _AT_BOUND * extent, 1, np.where(u <= lower + _AT_BOUND * extent, -1, 0))
     weak = _WEAK * np.abs(multiplier).max(initial=0.0)
     code[(code * multiplier < -weak) & ~overlaid] = 0  # a multiplier of the wrong sign
+    code[resting] = 0
     starts, ends, values = _runs(code)
     # A run of one interval or less whose multiplier is weak, or of the wrong sign, does not rest on its bound.
     for start, end, value in zip(starts, ends, values, strict=True):
@@ -198,7 +249,34 @@ def _runs_held(
             if value and end - start < 2:
                 code[start:end] = 0
         starts, ends, values = _runs(code)
+    if resting.any():
+        code[resting] = 0
+        for start, end, value in zip(*_runs(code), strict=True):
+            among = start + np.flatnonzero(resting[start:end])
+            if value == 0 and len(among):
+                if start and among[0] - start <= k + 1:
+                    code[start : among[0]] = code[start - 1]
+                if end < len(code) and end - 1 - among[-1] <= k + 1:
+                    code[among[-1] + 1 : end] = code[end]
+        starts, ends, values = _runs(code)
     return values, ends[:-1] - 1
+
+
+def _touched(values: Array, multiplier: Array, limits: Interval, free: NDArray[np.bool_], weak: float) -> Integers:
+    """Codes (points,) of a constraint on states alone: where it holds with a multiplier, at three points in a row.
+
+    One point between two others may be off the limit: a coarse solution is bent there. A constraint determines a
+    control only where one is ``free`` (points, ·): where each rests on its own bound, that is what is held.
+    """
+    lower, upper = limits
+    code = np.where(upper - values <= _TOUCHING, 1, np.where(values - lower <= _TOUCHING, -1, 0)).astype(np.int64)
+    bridged = (code[1:-1] == 0) & (code[:-2] == code[2:])
+    code[1:-1][bridged] = code[:-2][bridged]
+    for start, end, value in zip(*_runs(code), strict=True):
+        determines = free[start:end].any(axis=1).mean() >= _MOSTLY
+        if value and (end - start < _ARC or value * multiplier[start:end].sum() <= weak or not determines):
+            code[start:end] = 0
+    return code
 
 
 def _calm(code: Integers, short: int) -> None:
@@ -246,7 +324,31 @@ def _active_constraints(solution: Solution, path: Array, mixed: NDArray[np.bool_
     return found
 
 
-def _selected(limits: Interval, chosen: NDArray[np.bool_]) -> Interval:
+def _followed(solution: Solution, path: Array) -> list[Integers]:
+    """Codes (points,) of each path constraint, then of each bounded state, where one of first order is followed."""
+    problem, duals, bounded = solution.problem, solution.multipliers, bounded_states(solution.problem)
+    weak = _WEAK * max(abs(solution.cost), _WEAK) / solution.duration
+    scale, points = problem.state_scale[bounded], len(path)
+    values = np.hstack([path, solution.inner.reshape(points, -1)[:, bounded] / scale])
+    multipliers = np.hstack(
+        [duals.path.values.reshape(points, -1), duals.states.values.reshape(points, -1)[:, bounded] * scale]
+    )
+    own = _selected(problem.state_bounds, bounded)
+    sides = (np.append(side, other / scale) for side, other in zip(problem.path_bounds, own, strict=True))
+    limits, first_order = Interval(*sides), first_order_constraints(problem)
+    lower, upper = problem.control_bounds
+    near = _AT_BOUND * np.where(np.isfinite(upper - lower), upper - lower, problem.control_scale)
+    u = solution.u.reshape(points, problem.nu)
+    free = (u > lower + near) & (u < upper - near)
+    return [
+        _touched(values[:, j], multipliers[:, j], Interval(limits.lower[j], limits.upper[j]), free[:, own], weak)
+        if own.any() and limits.lower[j] < limits.upper[j]
+        else np.zeros(points, dtype=np.int64)
+        for j, own in enumerate(first_order)
+    ]
+
+
+def _selected(limits: Interval, chosen: NDArray[np.bool_] | list[int]) -> Interval:
     return Interval(limits.lower[chosen], limits.upper[chosen])
 
 

@@ -32,6 +32,7 @@ import math
 
 import numpy as np
 
+from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, equidistributed, from_widths, on_breaks, split, uniform
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor, interval_measures
@@ -151,13 +152,16 @@ def redistribute(
     check_problem(problem)
     if rounds < 1:
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
-    start = on_breaks(uniform(nodes), problem.breaks)
+    budget, start = Budget(options), on_breaks(uniform(nodes), problem.breaks)
     made = transcription(problem, scheme, len(start), FIXED, options)
     first = replayed(made.solve(guess, start, parameters), tolerance)
     if not (first.solved or first.status is SolverOutcome.LIMIT):
         return first
     current = first  # even one that did not converge shows where the next grid has to be dense
     for _ in range(rounds):
+        if budget.spent:
+            break
+        made = transcription(problem, scheme, len(start), FIXED, budget.left(options))
         following = made.solve(current, redistributed(current, len(start), monitor), parameters)
         spent = dataclasses.replace(following.timing, build_ms=0.0)  # it is the same programme
         current = dataclasses.replace(following, timing=spent + current.timing)
@@ -206,6 +210,7 @@ def distribute(
     Raises:
         ProblemError: for fewer than two nodes, or a distribution whose nodes are not unknowns.
     """
+    budget = Budget(options)
     if not distribution.moving:
         raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
     first = solve(
@@ -214,22 +219,25 @@ def distribute(
     if not first.solved:
         return first
     if isinstance(distribution, Equidistributed):
-        second = _equidistributed(first, distribution, options)
+        second = _equidistributed(first, distribution, budget, options)
     else:
         monitor = getattr(distribution, "monitor", None)
         grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
-        second = transcription(problem, scheme, nodes, distribution, options).solve(first, grid, parameters)
+        made = transcription(problem, scheme, nodes, distribution, budget.left(options))
+        second = made.solve(first, grid, parameters)
         second = dataclasses.replace(second, timing=second.timing + first.timing)
     return gated(replayed(second, tolerance), first, f"in the programme: {described(distribution)}", tolerance)
 
 
-def _equidistributed(first: Solution, distribution: Equidistributed, options: Options) -> Solution:
+def _equidistributed(first: Solution, distribution: Equidistributed, budget: Budget, options: Options) -> Solution:
     """Solution with equidistributed nodes inside the programme, from a uniform one, on two levels; not replayed."""
     problem, scheme, nodes, parameters = first.problem, first.scheme, first.nodes, first.parameters
     rest, timing = first, first.timing
     for _ in range(_MOST_MOVES):
+        if budget.spent:
+            break
         moved = _moved(rest, distribution)
-        found = transcription(problem, scheme, nodes, FIXED, options).solve(rest, moved, parameters)
+        found = transcription(problem, scheme, nodes, FIXED, budget.left(options)).solve(rest, moved, parameters)
         timing += dataclasses.replace(found.timing, build_ms=0.0)
         if not found.solved:
             break
@@ -238,7 +246,7 @@ def _equidistributed(first: Solution, distribution: Equidistributed, options: Op
             break
     found = rest
     for warm in (True, options.warm):
-        chosen = dataclasses.replace(options, warm=warm)
+        chosen = dataclasses.replace(budget.left(options), warm=warm)
         found = transcription(problem, scheme, nodes, distribution, chosen).solve(rest, rest.grid, parameters)
         timing += found.timing
         if found.solved and found.cost <= rest.cost:
@@ -303,24 +311,26 @@ def refine(
         raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
         raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
+    budget = Budget(options)
     grid, current, timing, errors = on_breaks(uniform(nodes), problem.breaks), guess, Timing(), np.array([math.inf])
     while True:
-        current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
+        made = transcription(problem, scheme, len(grid), FIXED, budget.left(options))
+        current = made.solve(current, grid, parameters)
         timing += current.timing
         if not current.solved:
             return dataclasses.replace(current, method="refinement", timing=timing)
         errors = local_errors(current)
-        if errors.max() <= tolerance or current.nodes >= most_nodes:
+        if errors.max() <= tolerance or current.nodes >= most_nodes or budget.spent:
             break
         grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
     reached = "at most" if errors.max() <= tolerance else "still"
     refined = replayed(dataclasses.replace(current, method="refinement", timing=timing), tolerance)
     message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes; {refined.message}"
     refined = dataclasses.replace(refined, message=message)
-    if refined.ok:
+    if refined.ok or budget.spent:
         return refined
     even = solve(
-        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options,
+        problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=budget.left(options),
         tolerance=tolerance,
     )  # fmt: skip
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms

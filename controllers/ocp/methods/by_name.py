@@ -6,29 +6,32 @@ With a given number of nodes it is one solve on that many uniform nodes. Without
 switches and singular arcs, adds points where the solution is smooth and ends at the tolerance. Where its replay is not
 within the tolerance, or the solver gives up, the problem is solved by Hermite-Simpson's scheme, whose controls are
 continuous, on nodes that are moved, round by round, to where the residual is; then hp refinement goes on from there.
-The best replay is returned. The message says what was chosen, and why.
+The best replay is returned. The message says what was chosen, and why. An attempt that ends in an error is one that
+fell short: the message names it, and only where all of them do the first error is raised.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any, Literal, get_args
 
 import numpy as np
 
+from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.grid import check_breaks, check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.crossing_nodes import solved_at_crossings
-from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
+from mathnavi.controllers.ocp.methods.hp import MOST_NODES, OPTIONS, TOLERANCE, hp
 from mathnavi.controllers.ocp.methods.schemes import chosen_scheme
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
-from mathnavi.controllers.ocp.replay import GIVEN_NODES
+from mathnavi.controllers.ocp.replay import GIVEN_NODES, check_tolerance
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
-from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.checks import allowed_for
@@ -37,6 +40,7 @@ from mathnavi.interfaces.signals import Array
 
 _NODES, _ROUNDS = 60, 5  # of the redistribution
 _HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # by any method
+_ERRORS = (ArithmeticError, LookupError, RuntimeError, ValueError)  # of an attempt, of CasADi's among them
 
 
 def automatic(
@@ -67,29 +71,70 @@ def automatic(
             fit the problem.
     """
     given: dict[str, Any] = {"guess": guess, "parameters": parameters}
-    if options is not None:
-        given["options"] = options
     if nodes is not None:
         within = GIVEN_NODES if tolerance is None else tolerance
-        return solve(problem, nodes, tolerance=within, **given)
+        return solve(problem, nodes, tolerance=within, options=options or DEFAULT, **given)
     within = TOLERANCE if tolerance is None else tolerance
-    first = hp(problem, tolerance=within, **given)
-    if first.status is SolverOutcome.OPTIMAL:
+    check_tolerance(within)
+    attempts = _Attempts(Budget(options or OPTIONS))
+    first = attempts.tried("hp", lambda left: hp(problem, tolerance=within, options=left, **given), options or OPTIONS)
+    if first is not None and first.status is SolverOutcome.OPTIMAL:
         return _named(first, f"hp, for {_reason(problem)}: {first.message}")
-    if first.status in _HOPELESS:
+    if first is not None and (first.status in _HOPELESS or attempts.budget.spent):
         return first
-    if first.not_smooth:
-        return solved_at_crossings(first, tolerance=within, **{key: given[key] for key in given if key != "guess"})
-    moved = redistribute(problem, _NODES, RESIDUAL, rounds=_ROUNDS, tolerance=within, **given)
-    found = [first, moved]
-    if moved.solved:
-        found.append(hp(problem, tolerance=within, **(given | {"guess": moved})))
-    if not any(each.solved for each in found):
-        return first
-    chosen = min(found, key=_error)
-    others = ", ".join(f"{each.method} {_shown(each)}" for each in found if each is not chosen)
-    spent = sum((each.timing for each in found), Timing())
-    return _named(dataclasses.replace(chosen, timing=spent), f"{chosen.method}, for {others}: {chosen.message}")
+    if first is not None and first.not_smooth:
+        left = attempts.budget.left(options or OPTIONS)
+        return solved_at_crossings(first, tolerance=within, parameters=parameters, options=left)
+    moved = attempts.tried(
+        "redistribution, residual",
+        lambda left: redistribute(
+            problem, _NODES, RESIDUAL, rounds=_ROUNDS, tolerance=within, options=left, **given
+        ),
+        options or DEFAULT,
+    )  # fmt: skip
+    if moved is not None and moved.solved and not attempts.budget.spent:
+        better = given | {"guess": moved}
+        attempts.tried(
+            "hp from there", lambda left: hp(problem, tolerance=within, options=left, **better), options or OPTIONS
+        )
+    return attempts.best()
+
+
+class _Attempts:
+    """Attempts at a problem, within one budget of time."""
+
+    def __init__(self, budget: Budget) -> None:
+        self.budget = budget
+        self._found: list[Solution] = []
+        self._failed: dict[str, Exception] = {}
+
+    def tried(self, name: str, attempt: Callable[[Options], Solution], options: Options) -> Solution | None:
+        """The solution of an attempt with what is left of the time; None where it ended in an error."""
+        try:
+            self._found.append(attempt(self.budget.left(options)))
+        except _ERRORS as error:
+            self._failed[name] = error
+            return None
+        return self._found[-1]
+
+    def best(self) -> Solution:
+        """The solution that replays best, with what became of the others; raises the first error if there is none."""
+        if not self._found:
+            raise next(iter(self._failed.values()))
+        solved = any(each.solved for each in self._found)
+        chosen = min(self._found, key=_error) if solved else self._found[0]
+        others = [f"{each.method} {_shown(each)}" for each in self._found if each is not chosen and solved]
+        others += [f"{name} failed ({_words(error)})" for name, error in self._failed.items()]
+        if not others:
+            return chosen
+        if solved:
+            chosen = dataclasses.replace(chosen, timing=sum((each.timing for each in self._found), Timing()))
+        return _named(chosen, f"{chosen.method}, for {', '.join(others)}: {chosen.message}")
+
+
+def _words(error: Exception) -> str:
+    """Kind and last line of an error; CasADi's begin with the place in its sources."""
+    return f"{type(error).__name__}: {(str(error).strip().splitlines() or ['without a message'])[-1]}"
 
 
 def _named(solution: Solution, message: str) -> Solution:

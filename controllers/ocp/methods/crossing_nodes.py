@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 
+from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.crossing_phases import parts_at
 from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.methods.hp import OPTIONS, hp
@@ -28,14 +29,16 @@ def solved_at_crossings(
         first: a solution that crosses jumps or kinks inside its intervals.
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         tolerance: of the replay.
-        options: solver and its tolerance.
+        options: solver, its tolerance, and the seconds of all rounds.
     """
-    current, timing = first, first.timing
+    current, timing, budget = first, first.timing, Budget(options)
     for _ in range(_ROUNDS):
+        if budget.spent:
+            return _without(first, current, "stopped, for its seconds are spent")
         parts = parts_at(current)
         if isinstance(parts, str):
             return _without(first, current, parts)
-        found = hp(parts.stacked, tolerance=tolerance, parameters=parameters, options=options)
+        found = hp(parts.stacked, tolerance=tolerance, parameters=parameters, options=budget.left(options))
         timing += found.timing
         if not found.solved:
             return _without(first, current, f"with a node at each crossing it is not solved: {found.message}")

@@ -39,11 +39,13 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs
+from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.clocks import clocks_of, without_vanished
 from mathnavi.controllers.ocp.defects import defects, running_costs
 from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import control_variations
 from mathnavi.controllers.ocp.methods.adaptation import solve
-from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed
+from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed, with_boundaries
 from mathnavi.controllers.ocp.methods.switching_gaps import switching_gaps
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
@@ -188,7 +190,8 @@ class _Plan:
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
-        arcs, at = Arcs(intervals, *known.limits(problem), weights), nodes_of_instants(problem, self.mesh.grid)
+        arcs = Arcs(intervals, *known.limits(problem), smoothing=weights)
+        at = nodes_of_instants(problem, self.mesh.grid)
         made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known), at)
         return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
 
@@ -199,13 +202,19 @@ class _Plan:
 
     def weights(self, problem: ProblemFunctions) -> Array:
         """Weights ρ (nu,) of the variation of each control where it is free."""
-        return self.smoothing * np.where(linear_controls(problem) | self.every, 1.0, _JITTER)
+        weights = self.smoothing * np.where(linear_controls(problem) | self.every, 1.0, _JITTER)
+        weights[[clock.rate for clock in clocks_of(problem)]] = 0.0
+        return weights
 
     def placed(self, solution: Solution) -> Structure:
         """The structure with its boundaries where a solution put them, without arcs that all but vanished."""
         ends = np.searchsorted(self.mesh.grid.nodes, self.structure.boundaries - 1e-12)
-        moved = dataclasses.replace(self.structure, boundaries=solution.grid.nodes[ends])
-        return moved.without_arcs_below(100.0 * SHORTEST_ARC)
+        held, least = self.structure.held, 100.0 * SHORTEST_ARC
+        for clock in clocks_of(solution.problem):
+            own_time = solution.x[np.concatenate([[0], ends, [solution.nodes - 1]]), clock.state]
+            held = without_vanished(clock, held, np.diff(own_time), least)
+        moved = dataclasses.replace(self.structure, boundaries=solution.grid.nodes[ends], held=held)
+        return moved.without_arcs_below(least)
 
 
 def hp(
@@ -236,9 +245,11 @@ def hp(
     check_problem(problem)
     check_tolerance(tolerance)
     check_nodes(most_nodes, "most_nodes")
-    plan, current = _first(problem, most_nodes, guess, parameters, options)
+    budget = Budget(options)
+    plan, current = _first(problem, most_nodes, guess, parameters, budget, options)
     if not current.solved:
-        return dataclasses.replace(_explained(current, problem, guess, parameters, options), method="hp")
+        explained = _explained(current, problem, guess, parameters, budget.left(options))
+        return dataclasses.replace(explained, method="hp")
     allowed, change, visited, bent = _MARGIN * tolerance, math.inf, [plan.structure], 0
     free = bool(problem.breaks)  # a boundary that moves would move them too: switches between them are narrowed down
     failures = 0
@@ -250,7 +261,7 @@ def hp(
         settled = (
             free or coarse or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
         )
-        small = errors.total <= allowed and errors.path.max() <= VIOLATION * allowed
+        small = errors.total <= allowed and max(errors.path.max(), errors.held.max()) <= VIOLATION * allowed
         smooth = plan.added(current) <= tolerance * abs(current.cost)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)
@@ -268,7 +279,9 @@ def hp(
         else:
             mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
-        found, following, smooth_start = _next(problem, following, current, parameters, options)
+        if budget.spent:
+            break
+        found, following, smooth_start = _next(problem, following, current, parameters, budget, options)
         failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
         if not found.solved or failures > 1:
@@ -282,7 +295,8 @@ def hp(
             break
     if current.replay is None:
         current = replayed(current, tolerance)
-    return dataclasses.replace(current, method="hp", message=f"{_described(plan)}; {current.message}")
+    ended = "; stopped, for its seconds are spent" if budget.spent and not current.ok else ""
+    return dataclasses.replace(current, method="hp", message=f"{_described(plan)}; {current.message}{ended}")
 
 
 def _shown_best(solution: Solution, allowed: float) -> bool:
@@ -301,7 +315,12 @@ def _explained(
 
 
 def _first(
-    problem: ProblemFunctions, most_nodes: int, guess: Solution | None, parameters: Array | None, options: Options
+    problem: ProblemFunctions,
+    most_nodes: int,
+    guess: Solution | None,
+    parameters: Array | None,
+    budget: Budget,
+    options: Options,
 ) -> tuple[_Plan, Solution]:
     """First grid that the solver solves, and its solution; the last solution if it solves none.
 
@@ -310,12 +329,13 @@ def _first(
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
     starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
     if guess is not None and len(guess.grid) <= most_nodes:
-        starts.insert(0, (on_breaks(guess.grid, problem.breaks), _STARTS[0][1]))
+        grid = on_breaks(guess.grid, problem.breaks)
+        starts.insert(0, (with_boundaries(grid, np.array(problem.breaks), most_nodes), _STARTS[0][1]))
     for grid, count in starts:
         plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
-        found = plan.solved(problem, guess, parameters, options)
+        found = plan.solved(problem, guess, parameters, budget.left(options))
         timing += found.timing
-        if found.solved:
+        if found.solved or budget.spent:
             break
     return plan, dataclasses.replace(found, timing=timing)
 
@@ -325,6 +345,7 @@ def _next(
     following: _Plan,
     current: Solution,
     parameters: Array | None,
+    budget: Budget,
     options: Options,
 ) -> tuple[Solution, _Plan, bool]:
     """Solution of the following plan; where the solver fails, of an easier one.
@@ -333,7 +354,7 @@ def _next(
     True if the first try was enough.
     """
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
-    last = HpMesh.from_solution(current)
+    last = HpMesh.from_solution(current).with_boundaries(np.array(problem.breaks), len(current.grid))
     nodes = last.with_boundaries(np.append(following.structure.boundaries, problem.breaks), len(current.grid))
     tries = (
         following,
@@ -342,9 +363,9 @@ def _next(
         _Plan(HpMesh(last.grid, last.counts + 1), without, weight, every=True),
     )
     for each in tries:
-        found = each.solved(problem, current, parameters, options)
+        found = each.solved(problem, current, parameters, budget.left(options))
         timing += found.timing
-        if found.solved:
+        if found.solved or budget.spent:
             break
     return dataclasses.replace(found, timing=timing), each, each is following
 

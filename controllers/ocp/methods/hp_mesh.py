@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -11,7 +12,7 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.defects import Defects
-from mathnavi.controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp.grid import LEAST_WIDTH, Grid
 from mathnavi.controllers.ocp.methods.switching_gaps import switches_at_nodes
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
@@ -37,7 +38,8 @@ class IntervalErrors:
     """Errors (N - 1,) of each interval."""
 
     own: Array  # the larger of its scaled defect and its relative share in the error of J
-    path: Array  # scaled violation of the states' bounds and path constraints between points
+    path: Array  # scaled violation of the states' bounds and path constraints between points, but for those in:
+    held: Array  # that of constraints on a control that hold throughout: as smooth as this control
     gaps: Array  # relative share in J that a switch inside of it costs, part of ``own``
 
     @property
@@ -55,7 +57,7 @@ class HpMesh:
 
     @staticmethod
     def from_solution(solution: Solution) -> HpMesh:
-        """The mesh of a solution by Radau collocation, its nodes where the solution has put them."""
+        """The mesh of a solution by Radau collocation, its nodes where the solution has put them, however near."""
         return HpMesh(solution.grid, np.broadcast_to(point_counts(solution.scheme), solution.nodes - 1))
 
     @staticmethod
@@ -71,7 +73,10 @@ class HpMesh:
         return VariableRadauIIA(tuple(self.counts.tolist()))
 
     def with_boundaries(self, boundaries: Array, most_nodes: int) -> HpMesh:
-        """The mesh with a node at each boundary (k,) of ]0, 1[, see the function; points as were in the middle."""
+        """The mesh with a node at each boundary (k,) of ]0, 1[, see the function; points as were in the middle.
+
+        No interval of it is narrower than ``LEAST_WIDTH``.
+        """
         grid = with_boundaries(self.grid, boundaries, most_nodes)
         middles = 0.5 * (grid.nodes[1:] + grid.nodes[:-1])
         return HpMesh(grid, self.counts[np.searchsorted(self.grid.nodes, middles, side="right") - 1])
@@ -89,7 +94,7 @@ def interval_errors(solution: Solution, found: Defects, gaps: Array | None = Non
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale
     relative = np.zeros(len(share)) if gaps is None else gaps / scale
     own = np.maximum(np.abs(found.states).max(axis=1), np.maximum(share, relative))
-    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path, relative)
+    return IntervalErrors(np.where(np.isnan(own), np.inf, own), found.path, found.held, relative)
 
 
 def meshed(
@@ -117,8 +122,10 @@ def meshed(
     fixed = np.unique(fixed)
     counts, nodes, widths = mesh.counts, mesh.grid.nodes, mesh.grid.widths
     each = allowed / len(widths)
+    asymptotic = errors.total < _ASYMPTOTIC
+    errors = dataclasses.replace(errors, own=np.maximum(errors.own, each / (VIOLATION * allowed) * errors.held))
     large, violated = errors.own > each, errors.path > VIOLATION * allowed
-    everywhere, asymptotic = not 0.0 < large.mean() <= 0.5, errors.total < _ASYMPTOTIC
+    everywhere = not 0.0 < large.mean() <= 0.5
     full, switching = len(nodes) >= most_nodes, errors.gaps > each
     if (counts < MOST_COUNT).any() and ((everywhere and asymptotic and not (violated | switching).any()) or full):
         raised = np.where(counts < MOST_COUNT, counts + 1, counts)
@@ -146,7 +153,7 @@ def meshed(
         granted[i] = min(parts[i], 1 + max(0, spare))
         spare -= granted[i] - 1
     for start, end in pairwise(kept):
-        i = int(np.searchsorted(nodes, start + 1e-15, side="right")) - 1
+        i = int(np.searchsorted(nodes, start, side="right")) - 1
         n = granted[i] if end - start <= 1.0000001 * widths[i] else 1
         pieces.append(np.linspace(start, end, n + 1)[:-1])
         of_pieces += [counts[i]] * n
@@ -200,13 +207,28 @@ def _without_idle(nodes: Array, own: Array, parts: Integers, counts: Integers, e
 
 
 def with_boundaries(grid: Grid, boundaries: Array, most_nodes: int) -> Grid:
-    """The grid with a node at each boundary (k,) in ]0, 1[, in place of those too near or, in all, too many."""
+    """The grid with a node at each boundary (k,) in ]0, 1[, in place of those too near or, in all, too many.
+
+    Arcs that shrink take their intervals with them, the more the more often they do: nodes nearer than ``LEAST_WIDTH``
+    to another one, or to a boundary, are left out.
+    """
     if not len(boundaries):
-        return grid
+        return _apart(grid.nodes[1:-1], np.array([0.0, 1.0]))
     nodes = grid.nodes[1:-1]
     width = np.minimum(grid.widths[1:], grid.widths[:-1])
     distance = np.abs(nodes[:, None] - boundaries).min(axis=1)
     nodes, distance = nodes[distance > _KEPT * width], distance[distance > _KEPT * width]
     spare = max(0, most_nodes - 2 - len(boundaries))
     nodes = nodes[np.sort(np.argsort(-distance, kind="stable")[:spare])]
-    return Grid(np.unique(np.concatenate([[0.0], nodes, boundaries, [1.0]])))
+    return _apart(nodes, np.unique(np.concatenate([[0.0], boundaries, [1.0]])))
+
+
+def _apart(nodes: Array, fixed: Array) -> Grid:
+    """The grid of the ``fixed`` nodes, the ends among them, and those of ``nodes`` that keep the least width."""
+    kept = nodes[np.abs(nodes[:, None] - fixed).min(axis=1, initial=1.0) >= LEAST_WIDTH]
+    chosen = [True] * len(kept)
+    last = -1.0
+    for k, node in enumerate(kept):
+        chosen[k] = node - last >= LEAST_WIDTH
+        last = node if chosen[k] else last
+    return Grid(np.union1d(fixed, kept[chosen]))

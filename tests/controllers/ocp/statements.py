@@ -42,6 +42,22 @@ def transfer(end: float, limit: float = math.inf, name: str = "transfer") -> Opt
     return ocp
 
 
+def race_car() -> OptimalControlProblem:
+    """s' = v, v' = u - v from rest over a distance of 1 in least time, 0 <= u <= 1, v <= 1 - sin(2 pi s) / 2.
+
+    Full throttle, along the limit, full throttle; by quadratures of these three parts T* = 1.904682271.
+    """
+    ocp = OptimalControlProblem("race car")
+    s, v = ocp.state("s", guess=(0.0, 1.0)), ocp.state("v", guess=1.0)
+    u = ocp.control("u", lower=0.0, upper=1.0)
+    ocp.minimise(terminal=ocp.free_duration(guess=1.0, lower=0.1, upper=20.0))
+    ocp.dynamics(ca.vertcat(s, v), ca.vertcat(v, u - v))
+    ocp.constrain(v <= 1.0 - ca.sin(2.0 * math.pi * s) / 2.0, name="limit")
+    ocp.start(ca.vertcat(s, v), 0.0)
+    ocp.end(s, 1.0)
+    return ocp
+
+
 def growing(guess: float) -> ProblemFunctions:
     """x' = e^x + u from 0 to 1 in 1 s; at a guess of 5 FATROP 1.1 raises its regularisation without end."""
     ocp = OptimalControlProblem("growing")

@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.problems.articles import double_integrator_time
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 
-NOTHING = Interval(np.empty((2, 0)), np.empty((2, 0)))  # bounds of no path constraints on two arcs
+NOTHING = Interval(np.empty((2, 0)), np.empty((2, 0)))  # bounds of no path constraints, and of no states, on two arcs
 
 
 def to_rest() -> ProblemFunctions:
@@ -32,17 +32,18 @@ def to_rest() -> ProblemFunctions:
 
 def test_shares_add_up_to_the_grid() -> None:
     grid = Grid(np.array([0.0, 0.1, 0.4, 0.6, 1.0]))
-    arcs = Arcs((1, 3), NOTHING, NOTHING)
+    arcs = Arcs((1, 3), NOTHING, NOTHING, NOTHING)
     shares, lengths = arcs.shares(grid), arcs.lengths(grid)
     assert lengths == pytest.approx([0.1, 0.9])
     assert placed(shares, lengths).nodes == pytest.approx(grid.nodes)
     assert starts(shares) @ lengths == pytest.approx(grid.nodes[:-1])
     assert np.diff(placed(shares, np.array([0.5, 0.5])).nodes)[0] == pytest.approx(0.5)
+    assert len(placed(shares, np.array([1.0, 1e-18]))) == 5  # of an arc that vanishes, no two nodes become one
 
 
 def test_a_held_control_switches_where_time_is_least() -> None:
     held = np.array([[1.0], [-1.0]])
-    arcs = Arcs((2, 2), Interval(held, held), NOTHING)
+    arcs = Arcs((2, 2), Interval(held, held), NOTHING, NOTHING)
     made = transcription(double_integrator_time(), RadauIIA(2), 5, arcs=2)
     found = made.solve(grid=Grid(np.array([0.0, 0.2, 0.4, 0.7, 1.0])), arcs=arcs)
     assert found.solved
@@ -57,7 +58,9 @@ def test_a_held_control_switches_where_time_is_least() -> None:
 
 def test_arcs_of_a_fixed_time_add_up_to_it() -> None:
     bounds = Interval(np.array([[-1.0], [-1.0]]), np.array([[-1.0], [1.0]]))
-    found = transcription(to_rest(), RadauIIA(3), 5, arcs=2).solve(grid=uniform(5), arcs=Arcs((1, 3), bounds, NOTHING))
+    found = transcription(to_rest(), RadauIIA(3), 5, arcs=2).solve(
+        grid=uniform(5), arcs=Arcs((1, 3), bounds, NOTHING, NOTHING)
+    )
     assert found.duration == pytest.approx(1.0)
     assert found.grid.nodes[1] == pytest.approx(0.5, abs=1e-4)
     assert found.cost == pytest.approx(1.0 / 24.0, abs=1e-8)
@@ -68,7 +71,7 @@ def test_smoothing_is_no_part_of_the_cost() -> None:
     none = Interval(np.empty((1, 0)), np.empty((1, 0)))
     made = transcription(to_rest(), RadauIIA(3), 4)
     rough, smooth = (
-        made.solve(grid=uniform(4), arcs=Arcs((3,), bounds, none, np.array([[weight]]))) for weight in (0.0, 1e3)
+        made.solve(grid=uniform(4), arcs=Arcs((3,), bounds, none, none, np.array([[weight]]))) for weight in (0.0, 1e3)
     )
     bend = [np.abs(found.u[:, 0] - 2.0 * found.u[:, 1] + found.u[:, 2]).max() for found in (rough, smooth)]
     assert bend[1] < 0.2 * bend[0]
@@ -80,8 +83,8 @@ def test_arcs_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="the 2 of this transcription"):
         made.solve()
     with pytest.raises(ValueError, match="allowed: 4 in all"):
-        made.solve(grid=uniform(5), arcs=Arcs((1, 2), Interval(-np.ones((2, 1)), np.ones((2, 1))), NOTHING))
+        made.solve(grid=uniform(5), arcs=Arcs((1, 2), Interval(-np.ones((2, 1)), np.ones((2, 1))), NOTHING, NOTHING))
     with pytest.raises(ValueError, match="at least one in each"):
-        Arcs((1, 0), NOTHING, NOTHING)
+        Arcs((1, 0), NOTHING, NOTHING, NOTHING)
     with pytest.raises(ValueError, match="arcs = 2 with Equidistributed"):
         transcription(double_integrator_time(), RadauIIA(2), 5, Equidistributed(), arcs=2)

@@ -38,6 +38,11 @@ def test_a_narrow_peak_is_seen_between_the_nodes_it_was_computed_on() -> None:
     assert np.count_nonzero((nodes >= 0.5) & (nodes <= 0.50001)) >= 19
 
 
+def test_a_peak_without_measure_leaves_every_interval_a_width() -> None:
+    grid = grids.equidistributed(21, lambda tau: np.where(np.abs(tau - 0.3) < 1e-3, 1e300, 1e-300))
+    assert grid.widths.min() >= 0.99 * grids.LEAST_WIDTH
+
+
 def test_splitting_keeps_the_old_nodes() -> None:
     old = grids.stretched(5, 1.5)
     new = grids.split(old, [1, 3, 1, 2])

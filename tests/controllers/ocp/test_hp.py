@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +14,9 @@ from mathnavi.controllers.ocp.methods.by_name import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
+from mathnavi.controllers.ocp.solver import Options
+from tests.controllers.ocp.statements import race_car
 from tests.controllers.ocp.test_arcs import to_rest
 
 KINDS = (
@@ -47,6 +52,13 @@ def test_a_singular_arc_does_not_ring() -> None:
     assert "2 arcs" in found.message
 
 
+def test_a_limit_of_a_state_has_an_arc_of_its_own() -> None:
+    found = automatic(race_car().functions())
+    assert found.status is SolverOutcome.OPTIMAL, found.message
+    assert found.cost == pytest.approx(1.904682271, rel=1e-7)
+    assert "3 arcs" in found.message
+
+
 def test_too_few_nodes_are_not_called_optimal() -> None:
     found = hp(PROBLEMS["hypersensitive, short"].problem(), 5)
     assert found.status is SolverOutcome.CONVERGED
@@ -77,6 +89,38 @@ def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.
     found = automatic(PROBLEMS["hypersensitive, short"].problem())
     assert found.method == "redistribution, residual"
     assert "for hp replays with" in found.message
+
+
+@pytest.mark.parametrize(("broken", "said"), [("hp", "redistribution, residual"), ("redistribute", "hp")])
+def test_an_attempt_that_ends_in_an_error_is_named_and_not_raised(
+    broken: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mathnavi.controllers.ocp.methods import by_name as module
+
+    def short(problem: ProblemFunctions, **options: Any) -> Solution:
+        return hp(problem, 4, **options)
+
+    def failing(*_: object, **__: object) -> Solution:
+        raise IndexError("no such\nindex 25")
+
+    monkeypatch.setattr(module, "hp", short)
+    monkeypatch.setattr(module, broken, failing)
+    found = automatic(PROBLEMS["hypersensitive, short"].problem())
+    assert found.method == said
+    assert "failed (IndexError: index 25)" in found.message
+    monkeypatch.setattr(module, "hp", failing)
+    monkeypatch.setattr(module, "redistribute", failing)
+    with pytest.raises(IndexError, match="no such"):
+        automatic(to_rest())
+
+
+@pytest.mark.parametrize("method", [hp, automatic])
+def test_seconds_are_a_budget_of_the_whole_call(method: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    times = itertools.count()
+    monkeypatch.setattr(time, "process_time", lambda: next(times))
+    found = method(PROBLEMS["hypersensitive, short"].problem(), options=Options(seconds=3.0))
+    assert found.status is SolverOutcome.CONVERGED
+    assert found.message.endswith("its seconds are spent")
 
 
 @pytest.mark.parametrize("wrong", [{"tolerance": 0.0}, {"tolerance": math.nan}, {"most_nodes": 1}])

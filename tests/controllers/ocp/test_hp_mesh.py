@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.grid import LEAST_WIDTH, Grid
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.methods.hp_mesh import HIGHEST_COUNT, HpMesh, IntervalErrors, meshed
@@ -33,15 +34,20 @@ def next_mesh(
     solution: Solution,
     own: dict[int, float],
     path: dict[int, float] | None = None,
+    held: dict[int, float] | None = None,
     gaps: dict[int, float] | None = None,
 ) -> HpMesh:
-    errors = IntervalErrors(np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1), np.zeros(NODES - 1))
+    errors = IntervalErrors(
+        np.full(NODES - 1, 0.5 * EACH), np.zeros(NODES - 1), np.zeros(NODES - 1), np.zeros(NODES - 1)
+    )
     for i, value in (gaps or {}).items():
         errors.gaps[i] = errors.own[i] = value
     for i, value in own.items():
         errors.own[i] = value
     for i, value in (path or {}).items():
         errors.path[i] = value
+    for i, value in (held or {}).items():
+        errors.held[i] = value
     return meshed(solution, without_structure(solution.problem), errors, ALLOWED, 300, hard=False)
 
 
@@ -82,6 +88,22 @@ def test_what_is_not_needed_goes(switching: Solution) -> None:
     assert merged.min() >= switching.grid.nodes[5]
     assert merged.max() <= switching.grid.nodes[15]
     assert 3 in mesh.counts
+
+
+def test_a_constraint_that_holds_throughout_gets_points_where_its_control_is_smooth(switching: Solution) -> None:
+    mesh = next_mesh(switching, {}, held={5: 10.0 * ALLOWED, 20: 10.0 * ALLOWED})
+    assert mesh.counts[5] > 4
+    assert np.array_equal(mesh.grid.nodes[:20], switching.grid.nodes[:20])
+    assert len(mesh.grid) > NODES  # but nodes where it jumps
+
+
+@pytest.mark.parametrize("boundaries", [[], [0.5], [1.0 - 3e-6, 1.0 - 1e-6]])
+def test_nodes_do_not_pile_up(boundaries: list[float]) -> None:
+    piled = Grid(np.concatenate([[0.0, 1e-13, 0.25, 0.5 - 1e-12], 1.0 - np.array([2e-6, 1e-12, 5e-13, 1e-15, 0.0])]))
+    mesh = HpMesh.uniform(piled, 4).with_boundaries(np.array(boundaries), 300)
+    assert mesh.grid.widths.min() >= 0.99 * LEAST_WIDTH
+    assert set(boundaries) <= set(mesh.grid.nodes.tolist())
+    assert mesh.counts.shape == mesh.grid.widths.shape
 
 
 def test_an_error_that_is_too_large_everywhere_raises_all_alike(switching: Solution) -> None:

@@ -123,6 +123,89 @@ def test_time_goes_on_from_phase_to_phase() -> None:
     assert found["b"].replay.miss < 1e-7  # type: ignore[union-attr]
 
 
+def test_switches_of_two_phases_do_not_share_their_places() -> None:
+    """A battery, charged and discharged about a price that peaks at noon, where the day is cut: a linear programme.
+
+    Its closed form: charged by 40 MWh from midnight on and again up to midnight, discharged by 80 MWh about noon.
+    """
+    problem, efficiency, most = MultiPhaseProblem("cut at noon"), 0.92, 25.0
+    phases = [problem.phase("am"), problem.phase("pm")]
+    for phase, slope in zip(phases, (1.0, -1.0), strict=True):
+        E = phase.state("E", lower=10.0, upper=90.0, guess=50.0)
+        charge, discharge = (phase.control(name, lower=0.0, upper=most) for name in ("c", "d"))
+        phase.duration(12.0)
+        phase.minimise(running=(50.0 + 40.0 * (1.0 + slope * (phase.t - 12.0) / 6.0)) * (charge - discharge))
+        phase.dynamics(E, efficiency * charge - discharge / efficiency)
+    phases[0].start(phases[0].statement.states[0].symbol, 50.0)
+    phases[1].end_constraint(phases[1].statement.states[0].symbol >= 50.0)
+    problem.link(*phases)
+    found = problem.solve()
+    charging, selling = 40.0 / efficiency / most, 80.0 * efficiency / most / 2.0
+    best = 2.0 * most * (10.0 * charging + 40.0 / 12.0 * charging**2)
+    best -= most * (90.0 * 2.0 * selling - 40.0 / 6.0 * selling**2)
+    assert found.ok
+    assert found.cost == pytest.approx(best, rel=1e-7)
+    for phase, switches in (("am", (charging, 12.0 - selling)), ("pm", (selling, 12.0 - charging))):
+        assert np.abs(found[phase].t[:, None] - switches).min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-5)
+        assert found[phase].replay.error < 1e-6  # type: ignore[union-attr]
+    assert found["am"].cost + found["pm"].cost == pytest.approx(best, rel=1e-7)
+    again = problem.solve(method="hp", guess=found)
+    assert again.cost == pytest.approx(best, rel=1e-7)
+
+
+@pytest.mark.parametrize("fastest", [math.inf, 1.2])
+def test_phases_with_arcs_of_their_own_numbers(fastest: float) -> None:
+    """From rest to rest over a distance, |u| <= 1 and v at most ``fastest``, three times, in the least time."""
+    problem, distances = MultiPhaseProblem("three ways"), (1.0, 3.0, 5.0)
+    for k, distance in enumerate(distances):
+        phase = problem.phase(f"{k}")
+        x, v = phase.state("x", guess=(0.0, distance)), phase.state("v", upper=fastest)
+        u = phase.control("u", lower=-1.0, upper=1.0)
+        phase.minimise(terminal=phase.free_duration(guess=3.0, lower=0.1, upper=30.0))
+        phase.dynamics(ca.vertcat(x, v), ca.vertcat(v, u))
+        phase.start(ca.vertcat(x, v), 0.0), phase.end(ca.vertcat(x, v), [distance, 0.0])
+    found = problem.solve()
+    peaks = [min(fastest, math.sqrt(distance)) for distance in distances]
+    assert found.ok
+    for k, (distance, peak) in enumerate(zip(distances, peaks, strict=True)):
+        assert found[f"{k}"].duration == pytest.approx(peak + distance / peak, rel=1e-8)
+
+
+def handed_over(end: float | None, start: float) -> tuple[MultiPhaseProblem, OptimalControlProblem, Any]:
+    """x' = u twice, x from 0 to ``end``, then from ``start`` to 6; not linked yet."""
+    problem = MultiPhaseProblem("handed over")
+    a, b = problem.phase("a"), problem.phase("b")
+    for phase in (a, b):
+        x, u = phase.state("x"), phase.control("u")
+        phase.duration(1.0), phase.minimise(running=u**2), phase.dynamics(x, u)
+    a.start(a.statement.states[0].symbol, 0.0)
+    if end is not None:
+        a.end(a.statement.states[0].symbol, end)
+    b.start(b.statement.states[0].symbol, start), b.end(b.statement.states[0].symbol, 6.0)
+    return problem, a, b
+
+
+@pytest.mark.parametrize(("end", "jumps"), [(None, {}), (5.0, {}), (None, {"x": 4.0}), (1.0, {"x": 4.0})])
+def test_a_linked_state_ends_where_the_next_phase_starts_it(end: float | None, jumps: dict[str, float]) -> None:
+    problem, a, b = handed_over(end, 5.0)
+    problem.link(a, b, jumps=jumps)
+    found = problem.solve(5)
+    assert found.ok
+    assert found["b"]["x"][0] - found["a"]["x"][-1] == pytest.approx(jumps.get("x", 0.0))
+    assert found.cost == pytest.approx(found["a"]["x"][-1] ** 2 + 1.0)
+
+
+def test_a_link_to_a_start_that_contradicts_the_end_is_refused_or_has_no_solution() -> None:
+    problem, a, b = handed_over(1.0, 5.0)
+    with pytest.raises(ProblemError, match=r"a to b: x ends at 1 and starts at 5, jump 0; allowed: a jump of 4"):
+        problem.link(a, b)
+    problem, a, b = handed_over(None, 5.0)
+    problem.link(a, b)
+    a.end(a.statement.states[0].symbol, 1.0)
+    with pytest.raises(ProblemError, match="3 equations at the end"):
+        problem.solve(5)
+
+
 def test_integrals_of_two_phases_have_the_same_name_and_are_not_linked() -> None:
     problem = MultiPhaseProblem("integrals")
     a, b = problem.phase("a"), problem.phase("b")
@@ -180,6 +263,77 @@ def test_multipliers_of_a_phase_are_those_of_the_problem_in_one_phase() -> None:
         np.testing.assert_allclose(own.controls["u"], whole.multipliers.controls["u"][half], rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(found["b"].multipliers.final["x"], whole.multipliers.final["x"], rtol=1e-5)
     np.testing.assert_allclose(found["a"].multipliers.initial["v"], whole.multipliers.initial["v"], rtol=1e-5)
+
+
+def to_orbit(length: float, time: float, *, twice: bool) -> MultiPhaseProblem:
+    """Two phases of thrust about the earth to five elements of an orbit, in units of length [m] and of time [s].
+
+    ``twice`` states an angular momentum that follows from them.
+    """
+    mu, radius = 3.986012e14 * time**2 / length**3, 6378145.0 / length
+    problem, speed = MultiPhaseProblem("to orbit"), math.sqrt(mu / radius)
+    phases = [problem.phase("thrust"), problem.phase("more")]
+    for phase in phases:
+        r, v = phase.state("r", 3, guess=[(radius, 0.0, 0.0), (0.0, radius, 0.0)]), phase.state("v", 3, guess=speed)
+        u = phase.control("u", 3)
+        phase.duration(1000.0 / time)
+        phase.dynamics(r, v)
+        phase.dynamics(v, u - mu * r / ca.norm_2(r) ** 3)
+        phase.minimise(running=ca.sumsqr(u))
+    phases[0].start(phases[0].statement.x[:3], [radius, 0.0, 0.0])
+    h = ca.cross(r, v)
+    e, size, node = ca.cross(v, h) / mu - r / ca.norm_2(r), ca.norm_2(h), ca.vertcat(-h[1], h[0], 0.0)
+    phase.end_constraint(1.0 / (2.0 / ca.norm_2(r) - ca.sumsqr(v) / mu) == 3.8 * radius)
+    phase.end_constraint(ca.norm_2(e) == 0.73)
+    phase.end_constraint(ca.acos(h[2] / size) == 0.5)
+    phase.end_constraint(ca.atan2(node[1], node[0]) == -1.6)
+    phase.end_constraint(ca.acos(ca.dot(node, e) / ca.norm_2(node) / ca.norm_2(e)) == 2.3)
+    if twice:
+        phase.end_constraint(ca.sumsqr(h) == mu * 3.8 * radius * (1.0 - 0.73**2))
+    problem.link(*phases)
+    return problem
+
+
+@pytest.mark.parametrize(("length", "time"), [(1.0, 1.0), (1e3, 1.0), (6378145.0, 806.81)])
+def test_equations_are_counted_alike_in_every_unit(length: float, time: float) -> None:
+    assert len(to_orbit(length, time, twice=False).functions().final_names) == 11
+    with pytest.raises(ProblemError, match=r"12 equations at the end: .* allowed: 11, as many as .*, 6 more can meet"):
+        to_orbit(length, time, twice=True).functions()
+
+
+def readings(coupled: Callable[[MultiPhaseProblem, ca.SX, ca.SX], Any]) -> MultiPhaseProblem:
+    """x' = -k x from 1, k to be found from two readings, a phase for each; the phases share k by the link, and more."""
+    problem = MultiPhaseProblem("readings")
+    phases = [problem.phase("a"), problem.phase("b")]
+    for phase, reading in zip(phases, (math.exp(-0.5), math.exp(-1.0)), strict=True):
+        x, k = phase.state("x", guess=1.0), phase.unknown("k")
+        phase.duration(1.0)
+        phase.dynamics(x, -k * x)
+        phase.minimise(terminal=(x - reading) ** 2)
+    phases[0].start(phases[0].statement.x[0], 1.0)
+    problem.link(*phases)
+    coupled(problem, *(phase.statement.x[1] for phase in phases))
+    return problem
+
+
+@pytest.mark.parametrize(
+    "coupled",
+    [
+        lambda problem, k_a, k_b: None,
+        lambda problem, k_a, k_b: problem.couple(k_b == k_a),
+        lambda problem, k_a, k_b: [problem.couple(2 * k_b == 1), problem.couple(k_a + k_b == 1)],
+    ],
+)
+def test_equations_of_constants_that_follow_from_others_do_not_count(coupled: Callable[..., Any]) -> None:
+    found = readings(coupled).solve()
+    assert found.ok
+    assert found["b"]["k"][-1] == pytest.approx(0.5)
+    assert found["a"].multipliers.initial["x"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_equations_of_constants_that_contradict_each_other_are_too_many() -> None:
+    problem = readings(lambda problem, k_a, k_b: [problem.couple(k_b == 1), problem.couple(k_a == 2)])
+    assert problem.solve(5).status is SolverOutcome.OVERDETERMINED
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson, MultipleShooting
-from tests.controllers.ocp.statements import transfer
+from tests.controllers.ocp.statements import integrator, transfer
 
 SHOOTING = MultipleShooting(1)
 
@@ -77,3 +77,12 @@ def test_a_grid_or_a_guess_of_another_size_is_refused() -> None:
 def test_options_that_make_no_sense_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(ValueError, match="allowed"):
         Options(**wrong)  # type: ignore[arg-type]
+
+
+def test_more_equations_than_unknowns_are_a_status_and_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    ocp, x, u = integrator()
+    ocp.duration(1.0)
+    ocp.constrain(u == x)
+    ocp.end(x, 2.0)
+    assert ocp.solve(5).status is SolverOutcome.OVERDETERMINED
+    assert capfd.readouterr() == ("", "")

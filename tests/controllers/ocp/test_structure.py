@@ -19,9 +19,16 @@ from mathnavi.controllers.ocp.problems.manuals import van_der_pol
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, switching_constraints
+from mathnavi.controllers.ocp.structure import (
+    Structure,
+    first_order_constraints,
+    linear_controls,
+    structure,
+    switching_constraints,
+)
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.low_order import Euler
+from tests.controllers.ocp.statements import race_car
 from tests.controllers.ocp.test_arcs import to_rest
 
 RADAU = RadauIIA(3)
@@ -55,6 +62,17 @@ def test_a_constraint_on_a_state_has_edges_but_no_arc() -> None:
     assert len(seen) == 1
     assert seen.edges.min() == pytest.approx(0.3, abs=0.06)
     assert seen.edges.max() == pytest.approx(0.7, abs=0.06)
+
+
+def test_a_limit_of_first_order_has_an_arc_and_determines_the_control_there() -> None:
+    problem = race_car().functions()
+    seen = structure(coarse(problem, 13))
+    assert first_order_constraints(problem).tolist() == [[True]]
+    assert seen.held.tolist() == [[1, 0], [0, 1], [1, 0]]
+    controls, path, _ = seen.limits(problem)
+    assert (controls.lower[1, 0], controls.upper[1, 0]) == (0.0, 1.0)
+    assert path.lower[1, 0] == path.upper[1, 0] == 0.0
+    assert not first_order_constraints(bryson_denham(0.1)).any()
 
 
 def test_arcs_that_are_as_good_as_nothing_disappear() -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
+import casadi as ca
 import numpy as np
 from annotated_types import Ge, Le
 
@@ -76,7 +77,7 @@ class NumericalSolver:
         self._name, self._linear_solver = options.backend, options.linear_solver
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
-        self._bounds = nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper
+        self._bounds, self._row_scale = (nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper), nlp.row_scale
 
     def solve(
         self,
@@ -84,23 +85,29 @@ class NumericalSolver:
         known: Array,
         multipliers: tuple[Array, Array] | None = None,
         bounds: tuple[Array, Array, Array, Array] | None = None,
+        cost_scale: float = 1.0,
     ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
+
+        The solver sees f over its scale and each row over its own; arguments and answer are in units of f and g.
 
         Args:
             x_0: (n,) guess of the scaled unknowns.
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
             bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
+            cost_scale: magnitude of f, > 0.
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(SolverOutcome.NOT_FINITE, SolverOutcome.NOT_FINITE.value, x_0, began)
-        self._in["x0"][:], self._in["p"][:] = x_0, known
-        limits = self._bounds if bounds is None else bounds
-        for name, values in zip(("lbx", "ubx", "lbg", "ubg"), limits, strict=True):
-            self._in[name][:] = values
-        self._in["lam_x0"][:], self._in["lam_g0"][:] = (0.0, 0.0) if multipliers is None else multipliers
+        rows = self._row_scale
+        self._in["x0"][:], self._in["p"][:-1], self._in["p"][-1] = x_0, known, 1.0 / cost_scale
+        x_lower, x_upper, lower, upper = self._bounds if bounds is None else bounds
+        self._in["lbx"][:], self._in["ubx"][:] = x_lower, x_upper
+        self._in["lbg"][:], self._in["ubg"][:] = lower / rows, upper / rows
+        of_bounds, of_rows = (0.0, 0.0) if multipliers is None else multipliers
+        self._in["lam_x0"][:], self._in["lam_g0"][:] = of_bounds / cost_scale, of_rows * rows / cost_scale
         report = self._solver.solve()
         if report.iterations is None:
             ended = report.outcome is SolverOutcome.LIMIT
@@ -121,8 +128,8 @@ class NumericalSolver:
             report.outcome,
             f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,
             out["x"],
-            (out["lam_x"], out["lam_g"]),
-            float(out["f"][0]),
+            (cost_scale * out["lam_x"], cost_scale * out["lam_g"] / rows),
+            cost_scale * float(out["f"][0]),
             report.iterations,
             1e3 * (time.perf_counter() - began),
         )
@@ -165,13 +172,43 @@ def _solver(nlp: Programme, options: Options) -> NlpSolver:
             equality=nlp.equality,
         )
         settings = fatrop_settings(stages, options.tolerance, options.iterations, _FATROP_WARM if options.warm else {})
+    scaled = _scaled(nlp, plugin)
     return NlpSolver(
         "solver",
         plugin,
-        {"x": nlp.x, "p": nlp.p, "f": nlp.assembly.f, "g": nlp.assembly.g},
+        scaled.functions,
         {"show_eval_warnings": False, **settings},
         _RESULTS,
         seconds=options.seconds,
         compiled=options.backend.endswith("compiled"),
-        cache=nlp.assembly.derivatives(plugin),
+        cache=scaled.derivatives,
     )
+
+
+class _Scaled(NamedTuple):
+    """Programme over its scales: x, p, f and g, and their derivatives; the last of p is one over the scale of f."""
+
+    functions: dict[str, ca.MX]
+    derivatives: dict[str, ca.Function]
+
+
+def _scaled(nlp: Programme, plugin: NlpPlugin) -> _Scaled:
+    """A programme over its scales, with what CasADi's ``plugin`` needs of its derivatives."""
+    x, p, share = nlp.x, nlp.p, ca.MX.sym("share")
+    sigma, mu = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(nlp.row_scale))
+    over = ca.DM(1.0 / nlp.row_scale)
+    own = nlp.assembly.derivatives(plugin)
+    f_and_gradient = own["nlp_grad_f"].call([x, p])
+    g, jacobian = own["nlp_jac_g"].call([x, p])
+    of_row = over[jacobian.sparsity().row()]
+    results = {
+        "nlp_grad_f": [share * each for each in f_and_gradient],
+        "nlp_jac_g": [over * g, ca.MX(jacobian.sparsity(), of_row * jacobian.nz[:])],
+        "nlp_hess_l": own["nlp_hess_l"].call([x, p, share * sigma, over * mu]),
+    }
+    known = {"x": x, "p": ca.vertcat(p, share)}
+    derivatives = {}
+    for name, result in results.items():
+        symbols = [*known.values(), *([sigma, mu] if name == "nlp_hess_l" else [])]
+        derivatives[name] = ca.Function(name, symbols, result, own[name].name_in(), own[name].name_out())
+    return _Scaled(known | {"f": share * nlp.assembly.f, "g": over * nlp.assembly.g}, derivatives)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.controllers.ocp.scaling_rows import path_sizes
 from mathnavi.controllers.ocp.solution import Solution, along
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
@@ -69,11 +70,10 @@ def _violations(solution: Solution, x: Array, u: Array, t: Array) -> Array:
     """Largest violation (n,) of the states' bounds and the path constraints, over scales and limits."""
     problem, p = solution.problem, np.tile(solution.parameters[:, None], (1, len(t)))
     path = np.array(problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
-    limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
     found: Array = np.zeros(len(t))
     for values, (lower, upper), scale in (
         (x, problem.state_bounds, problem.state_scale),
-        (path, problem.path_bounds, np.maximum(1.0, np.maximum(*limits))),
+        (path, problem.path_bounds, path_sizes(problem)),
     ):
         over = np.maximum(lower - values, values - upper) / scale
         found = np.maximum(found, over.max(axis=1, initial=0.0))

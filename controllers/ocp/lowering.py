@@ -51,8 +51,8 @@ def functions_of(statement: Statement) -> ProblemFunctions:
         initial_names=tuple(row.name for row in s.initial),
         final_names=tuple(row.name for row in s.final),
         duration_bounds=(statement.duration.lower, statement.duration.upper),
-        state_scale=_values(guess.state_scales),
-        control_scale=_values(guess.control_scales),
+        state_scale=guess.state_scale,
+        control_scale=guess.control_scale,
         nominal=_nominal(s),
         guess_times=guess.times,
         guess_states=guess.states,
@@ -72,9 +72,14 @@ class Guesses:
     control_scales: list[Scale]  # nu
 
     @property
-    def scales(self) -> list[Scale]:
-        """Scales of the states, then of the controls."""
-        return [*self.state_scales, *self.control_scales]
+    def state_scale(self) -> Array:
+        """(nx,) values."""
+        return _values(self.state_scales)
+
+    @property
+    def control_scale(self) -> Array:
+        """(nu,) values."""
+        return _values(self.control_scales)
 
 
 def guesses_of(statement: Statement) -> Guesses:

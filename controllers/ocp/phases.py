@@ -339,11 +339,11 @@ def _add_phase(stacked: Statement, name: str, phase: Statement, elapsed: ca.SX, 
         return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
 
     guess = guesses_of(since_start(phase))
-    columns = zip((*guess.states.T, *guess.controls.T), guess.scales, strict=True)
+    columns = zip((*guess.states.T, *guess.controls.T), (*guess.state_scale, *guess.control_scale), strict=True)
     for k, (variable, (values, scale)) in enumerate(zip((*phase.states, *phase.controls), columns, strict=True)):
         among = stacked.states if k < len(phase.states) else stacked.controls
         own = Values(values, guess.times)
-        among.append(dataclasses.replace(variable, name=f"{name}.{variable.name}", scale=scale.value, guess=own))
+        among.append(dataclasses.replace(variable, name=f"{name}.{variable.name}", scale=float(scale), guess=own))
     stacked.rates |= {f"{name}.{state}": T * at(rate) for state, rate in phase.rates.items()}
     if duration.free:
         constant = Values(np.array([duration.guess]))

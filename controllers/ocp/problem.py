@@ -349,7 +349,8 @@ class OptimalControlProblem:
         if duration is None:
             raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
         problem, found = self.functions(), guesses_of(since_start(self.statement))
-        variables = dict(zip(self.statement.variable_names, found.scales, strict=True))
+        scales = [*found.state_scales, *found.control_scales]
+        variables = dict(zip(self.statement.variable_names, scales, strict=True))
         return Scaling(self.name, variables | {"T": Scale(duration.guess, "guess")}, *programme_scales(problem))
 
     # solution
@@ -380,9 +381,9 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
-            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|) or, where
-                its units make J small, to its scale, of the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
-                whose number is given.
+            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|) or, of
+                a J that is small by its units, to its scale, of the replay of a solution that is called OPTIMAL. None:
+                1e-6 for "hp" and "refine", and 1e-3 on nodes whose number is given.
             options: NLP solver with its own tolerance, and what it prints or logs; None for the method's.
 
         Returns:

@@ -3,9 +3,10 @@
 A stated scale stays. Otherwise, with the largest magnitude of guess and ends, the limits, and the reach
 
     R_i = max over u of the median over the guess of |f_i| τ_i,      A = ∂f/∂x,
-    τ_i = min(T, 1 / max(0, -A_ii), 1 / sqrt(max(0, -(A²)_ii))),
+    τ_i = min(T, 1 / max(0, -A_ii), 1 / sqrt(max(0, -Σ_{j≠i} A_ij A_ji))),
 
-how far the rates carry a state before T, or its own feedback, ends it, under the guessed and some possible controls,
+how far the rates carry a state before T ends, or the state's own decay or oscillation ends it, under the guessed and
+some possible controls,
 
     control      its limits where both are finite, else its guess, else a single limit, else 1;
     state        guess and ends, else the lesser of R and two limits, else what is there of R and a limit, else 1.
@@ -199,7 +200,7 @@ def _reach(statement: Statement, times: Array, x: Array, u: Array, p: Array, siz
     x, u = (np.array([np.interp(at, times, each) for each in values.T]).T.reshape(_POINTS, -1) for values in (x, u))
     rates = column(statement.rates.get(v.name, ca.SX(0)) for v in statement.states)
     A = ca.jacobian(rates, statement.x)
-    known = [ca.densify(each) for each in (rates, ca.diag(A), ca.diag(ca.mtimes(A, A)))]
+    known = [ca.densify(each) for each in (rates, ca.diag(A), ca.diag(ca.mtimes(A, A)) - ca.diag(A) ** 2)]
     function = ca.Function("rates", statement.along, known, {"cse": True}).map(_POINTS)
     lower, upper = (
         np.array([limit if math.isfinite(limit) else side * size for limit, size in zip(limits, sizes, strict=True)])
@@ -212,9 +213,9 @@ def _reach(statement: Statement, times: Array, x: Array, u: Array, p: Array, siz
     for share in (None, *_SHARES):
         controls = u if share is None else np.tile((1.0 - share) * lower + share * upper, (_POINTS, 1))
         made = function(x.T, controls.T, at[None, :], np.tile(p[:, None], (1, _POINTS)))
-        f, own, second = (np.array(each.full()) for each in made)
+        f, own, loop = (np.array(each.full()) for each in made)
         with np.errstate(invalid="ignore"):
-            fastest = np.fmax(np.fmax(-own, np.sqrt(np.fmax(-second, 0.0))), 1.0 / duration)
+            fastest = np.fmax(np.fmax(-own, np.sqrt(np.fmax(-loop, 0.0))), 1.0 / duration)
         for i, row in enumerate(np.abs(f) / fastest):
             finite = row[np.isfinite(row)]
             reach[i] = max(reach[i], float(np.median(finite)) if len(finite) else 0.0)

@@ -194,6 +194,6 @@ def _largest(changes: Sequence[Array]) -> float:
 
 def _power_of_ten(size: float, ordinary: tuple[float, float]) -> float:
     """The power of ten of a size; 1 where it is ordinary, or 0."""
-    if size <= 0.0 or ordinary[0] <= size < ordinary[1]:
+    if size <= 0.0 or ordinary[0] <= size <= ordinary[1]:
         return 1.0
     return float(10.0 ** np.round(np.log10(size)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.controllers.ocp.scaling_rows import corrected, cost_scale
 from mathnavi.interfaces.bounds import Count, Positive, Probability, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import (
@@ -78,6 +80,7 @@ class NumericalSolver:
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
         self._bounds, self._row_scale = (nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper), nlp.row_scale
+        self._layout = nlp.layout
 
     def solve(
         self,
@@ -85,29 +88,59 @@ class NumericalSolver:
         known: Array,
         multipliers: tuple[Array, Array] | None = None,
         bounds: tuple[Array, Array, Array, Array] | None = None,
-        cost_scale: float = 1.0,
     ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
 
-        The solver sees f over its scale and each row over its own; arguments and answer are in units of f and g.
+        The solver sees f over its scale and each row over its own; arguments and answer are in units of f and g. Where
+        f turns out to be far smaller than its scale, it is solved again from there.
 
         Args:
             x_0: (n,) guess of the scaled unknowns.
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
             bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
-            cost_scale: magnitude of f, > 0.
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(SolverOutcome.NOT_FINITE, SolverOutcome.NOT_FINITE.value, x_0, began)
-        rows = self._row_scale
-        self._in["x0"][:], self._in["p"][:-1], self._in["p"][-1] = x_0, known, 1.0 / cost_scale
-        x_lower, x_upper, lower, upper = self._bounds if bounds is None else bounds
+        limits = self._bounds if bounds is None else bounds
+        scale = self._cost_scale(x_0, known)
+        answer = self._solved(x_0, known, multipliers, limits, scale)
+        if not answer.ok or (found := corrected(scale, answer.cost)) == scale:
+            return answer
+        again = self._solved(answer.x, known, answer.multipliers, limits, found)
+        return dataclasses.replace(
+            again if again.ok else answer,
+            iterations=answer.iterations + again.iterations,
+            solve_ms=answer.solve_ms + again.solve_ms,
+        )
+
+    def _cost_scale(self, unknowns: Array, known: Array) -> float:
+        """Scale of J along a vector of unknowns, at equal shares of T."""
+        layout, problem = self._layout, self._layout.problem
+        nx, nu = problem.nx, problem.nu
+        z, w, last = layout.split(unknowns)
+        duration = float(z[0, nx : nx + layout.durations].sum()) if layout.durations else problem.guess_duration
+        u = np.vstack([w[:, :nu], last if layout.scheme.shared else w[-1:, :nu]])
+        times = np.linspace(0.0, duration, len(z))
+        return cost_scale(problem, times, z[:, :nx], u, duration, known[: len(problem.parameters)])
+
+    def _solved(
+        self,
+        x_0: Array,
+        known: Array,
+        multipliers: tuple[Array, Array] | None,
+        bounds: tuple[Array, Array, Array, Array],
+        scale: float,
+    ) -> SolverAnswer:
+        """The answer of one solve, of f over this scale."""
+        began, rows = time.perf_counter(), self._row_scale
+        self._in["x0"][:], self._in["p"][:-1], self._in["p"][-1] = x_0, known, 1.0 / scale
+        x_lower, x_upper, lower, upper = bounds
         self._in["lbx"][:], self._in["ubx"][:] = x_lower, x_upper
         self._in["lbg"][:], self._in["ubg"][:] = lower / rows, upper / rows
         of_bounds, of_rows = (0.0, 0.0) if multipliers is None else multipliers
-        self._in["lam_x0"][:], self._in["lam_g0"][:] = of_bounds / cost_scale, of_rows * rows / cost_scale
+        self._in["lam_x0"][:], self._in["lam_g0"][:] = of_bounds / scale, of_rows * rows / scale
         report = self._solver.solve()
         if report.iterations is None:
             ended = report.outcome is SolverOutcome.LIMIT
@@ -128,8 +161,8 @@ class NumericalSolver:
             report.outcome,
             f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,
             out["x"],
-            (cost_scale * out["lam_x"], cost_scale * out["lam_g"] / rows),
-            cost_scale * float(out["f"][0]),
+            (scale * out["lam_x"], scale * out["lam_g"] / rows),
+            scale * float(out["f"][0]),
             report.iterations,
             1e3 * (time.perf_counter() - began),
         )

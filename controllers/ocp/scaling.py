@@ -118,14 +118,14 @@ def variable_scales(
     return states, controls
 
 
-def pinned(stated: ca.SX | None) -> float:
+def _pinned(stated: ca.SX | None) -> float:
     """A stated end if it is a number, otherwise 0."""
     return float(stated) if stated is not None and stated.is_constant() else 0.0
 
 
 def _ends(statement: Statement, variable: Variable) -> float:
     """Largest magnitude of what a variable starts and ends at."""
-    return max(abs(pinned(stated.get(variable.name))) for stated in (statement.starts, statement.ends))
+    return max(abs(_pinned(stated.get(variable.name))) for stated in (statement.starts, statement.ends))
 
 
 def _largest_number(statement: Statement, x: Array, u: Array) -> float:

@@ -3,7 +3,7 @@
 What counts is the largest change by an unknown v that moves by its own scale s,
 
     cost     γ = max T (|L_v| s + |L_vv| s²/2), |Psi_v| s + |Psi_vv| s²/2, T |L + Psi_T|     along a guess;
-    row d    max |limit|, |d_v| s                                                             along the problem's guess.
+    row d    max |nearer limit|, |d_v| s                                                      along the problem's guess.
 
 The scale is its power of ten, and 1 for what is of ordinary size: J from 1e-3 to 1e3, a row from 1e-2 to 1e2. The
 second derivatives are there because a guess is often 0, where a square is flat. A row is divided by a small
@@ -12,6 +12,7 @@ number only where its second derivatives are small as well: a slope may be small
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from functools import lru_cache
 
@@ -20,6 +21,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.scaling import Scale
+from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.signals import Array
 
 _ORDINARY_COST = (1e-3, 1e3)
@@ -40,9 +42,9 @@ def cost_scale(problem: ProblemFunctions, times: Array, x: Array, u: Array, dura
         p: (np,) parameters.
     """
     scales, n = np.concatenate([problem.state_scale, problem.control_scale]), problem.nx + problem.nu
-    running, terminal = _cost_slopes(problem)
+    running, terminal = _cost_slopes(problem, len(times))
     known = np.tile(p[:, None], (1, len(times)))
-    along = np.array(running.map(len(times))(x.T, u.T, times[None, :], known).full())
+    along = np.array(running(x.T, u.T, times[None, :], known).full())
     at_end = np.array(terminal(x[-1], duration, p).full())
     changes = [
         duration * _change(along[1 : 1 + n], along[1 + n :], scales[:, None]),
@@ -73,11 +75,17 @@ def programme_scales(problem: ProblemFunctions) -> tuple[Scale, list[tuple[str, 
     at_start, at_end = end_scales(problem)
     names = (*problem.path_names, *problem.initial_names, *problem.final_names)
     values = np.concatenate([path_scale(problem), at_start, at_end]).tolist()
-    cost, *rows = (
-        Scale(value, "ordinary size" if value == 1.0 else "derivative")
-        for value in (guess_cost_scale(problem), *values)
-    )
-    return cost, list(zip(names, rows, strict=True))
+    limits = [problem.path_bounds, problem.initial_bounds, problem.final_bounds]
+    nearer = [_nearer_limit(*sides) for each in limits for sides in zip(*each, strict=True)]
+    rows = []
+    for name, value, limit in zip(names, values, nearer, strict=True):
+        of_limit = value != 1.0 and value == _power_of_ten(limit, _ORDINARY_ROW)
+        rows.append((name, Scale(value, "bounds") if of_limit else _derived(value)))
+    return _derived(guess_cost_scale(problem)), rows
+
+
+def _derived(value: float) -> Scale:
+    return Scale(value, "ordinary size" if value == 1.0 else "derivative")
 
 
 @lru_cache(maxsize=64)
@@ -99,6 +107,25 @@ def path_sizes(problem: ProblemFunctions) -> Array:
     limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
     sizes: Array = np.maximum(path_scale(problem), np.maximum(*limits))
     return sizes
+
+
+def with_ordinary_rows(solution: Solution) -> Solution:
+    """The solution with its path constraints over their scales, for what compares them with figures of order one."""
+    scale = path_scale(solution.problem)
+    if (scale == 1.0).all():
+        return solution
+    path = solution.multipliers.path
+    multipliers = dataclasses.replace(solution.multipliers, path=dataclasses.replace(path, values=path.values * scale))
+    return dataclasses.replace(solution, problem=_with_ordinary_rows(solution.problem), multipliers=multipliers)
+
+
+@lru_cache(maxsize=64)
+def _with_ordinary_rows(problem: ProblemFunctions) -> ProblemFunctions:
+    arguments, scale = problem.path.sx_in(), path_scale(problem)
+    path = ca.Function("d", arguments, [problem.path(*arguments) / ca.DM(scale)])
+    return dataclasses.replace(
+        problem, path=path, path_bounds=Interval(*(side / scale for side in problem.path_bounds))
+    )
 
 
 @lru_cache(maxsize=64)
@@ -123,15 +150,15 @@ def state_row_scale(problem: ProblemFunctions) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _cost_slopes(problem: ProblemFunctions) -> tuple[ca.Function, ca.Function]:
-    """(x, u, t, p) -> L, its gradient by x and u, second derivatives; (x, T, p) -> Psi_T, Psi_x, second derivatives."""
+def _cost_slopes(problem: ProblemFunctions, count: int) -> tuple[ca.Function, ca.Function]:
+    """(x, u, t, p) -> L, its gradient by x and u, second derivatives, of ``count`` points; (x, T, p) -> that of Psi."""
     along, at_end = problem.running_cost.sx_in(), problem.terminal_cost.sx_in()
     L, Psi = problem.running_cost(*along), problem.terminal_cost(*at_end)
     v = ca.vertcat(along[0], along[1])
     of_running = ca.vertcat(L, ca.gradient(L, v), _own_curvature(L, v))
     of_terminal = ca.vertcat(ca.gradient(Psi, at_end[1]), ca.gradient(Psi, at_end[0]), _own_curvature(Psi, at_end[0]))
     return (
-        ca.Function("running", along, [ca.densify(of_running)]),
+        ca.Function("running", along, [ca.densify(of_running)]).map(count),
         ca.Function("terminal", at_end, [ca.densify(of_terminal)]),
     )
 
@@ -171,13 +198,18 @@ def _row_scales(found: Array, count: int, sizes: Array, scales: Array, limits: I
     slopes, curvatures = np.split(found.reshape(len(limits.lower), count, 2 * len(scales)), 2, axis=2)
     made = np.ones(len(slopes))
     for k, (lower, upper) in enumerate(zip(*limits, strict=True)):
-        limit = max((abs(side) for side in (lower, upper) if np.isfinite(side)), default=0.0)
+        limit = _nearer_limit(lower, upper)
         size = max(limit, _largest([np.abs(slopes[k]) * sizes]))
         if size < _ORDINARY_ROW[0]:
             size = max(limit, _largest([_change(slopes[k], curvatures[k], scales)]))
             size = min(size, _ORDINARY_ROW[0])
         made[k] = _power_of_ten(size, _ORDINARY_ROW)
     return made
+
+
+def _nearer_limit(lower: float, upper: float) -> float:
+    """The lesser magnitude of two limits, 0 for none: the other may stand for no limit."""
+    return min((abs(side) for side in (lower, upper) if np.isfinite(side) and side), default=0.0)
 
 
 def _control_sizes(problem: ProblemFunctions) -> Array:

@@ -24,7 +24,6 @@ from mathnavi.controllers.ocp.layout import bounded_controls, control_variations
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
-from mathnavi.controllers.ocp.scaling_rows import corrected, cost_scale
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
@@ -118,8 +117,7 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
-        scale = self._cost_scale(x_0, where, p, guess)
-        answer = self._answer(x_0, known, scale, None if arcs is None else self._bounds(arcs))
+        answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         if answer.status is SolverOutcome.INFEASIBLE and arcs is None:
@@ -137,39 +135,15 @@ class Transcription:
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
         return found
 
-    def _answer(
-        self, x_0: Array, known: Array, scale: float, bounds: tuple[Array, Array, Array, Array] | None
-    ) -> SolverAnswer:
-        """The solver's answer, of a second solve from there where the first one took J for far too large."""
-        answer = self.solver.solve(x_0, known, bounds=bounds, cost_scale=scale)
-        if not answer.ok or (found := corrected(scale, answer.cost)) == scale:
-            return answer
-        again = self.solver.solve(answer.x, known, answer.multipliers, bounds, found)
-        return dataclasses.replace(
-            again if again.ok else answer,
-            iterations=answer.iterations + again.iterations,
-            solve_ms=answer.solve_ms + again.solve_ms,
-        )
-
-    def _cost_scale(self, unknowns: Array, grid: Grid, p: Array, guess: Solution | None) -> float:
-        """Scale of J for a solve from these unknowns, which a guess may have filled."""
-        x, u, duration = self._trajectory(unknowns)
-        scale = cost_scale(self.problem, grid.nodes * duration, x, u, duration, p)
-        return corrected(scale, guess.cost) if guess is not None and guess.solved else scale
-
-    def _trajectory(self, unknowns: Array) -> tuple[Array, Array, float]:
-        """States (N, nx), first controls of the intervals and the last one (N, nu), and T [s]."""
-        nx, nu, durations = self.problem.nx, self.problem.nu, self.layout.durations
-        z, w, last = self.layout.split(unknowns)
-        duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
-        return z[:, :nx], np.vstack([w[:, :nu], last if self.scheme.shared else w[-1:, :nu]]), duration
-
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """Add to the answer of a solve that met NaN or infinity what was not finite at the guess or last iterate."""
+        nx, durations = self.problem.nx, self.layout.durations
         found = ""
         for name, unknowns in (("guess", x_0), ("last iterate", answer.x)):
-            x, u, duration = self._trajectory(unknowns)
-            found = found or not_finite(self.problem, x, u, grid.nodes * duration, p, name)
+            z, w, last = self.layout.split(unknowns)
+            duration = float(z[0, nx : nx + durations].sum()) if durations else self.problem.guess_duration
+            u = np.vstack([w[:, : self.problem.nu], last if self.scheme.shared else w[-1:, : self.problem.nu]])
+            found = found or not_finite(self.problem, z[:, :nx], u, grid.nodes * duration, p, name)
         return dataclasses.replace(answer, message=found or answer.message)
 
     def _bounds(self, arcs: Arcs) -> tuple[Array, Array, Array, Array]:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.scaling_rows import with_ordinary_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.signals import Array, Integers
 
@@ -71,6 +72,7 @@ def _held_to(held: Integers, bounds: Interval) -> Interval:
 
 def structure(solution: Solution) -> Structure:
     """Structure of a solution."""
+    solution = with_ordinary_rows(solution)
     problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
     tau, multipliers = (solution.point_times / solution.duration).ravel(), solution.multipliers
     linear, path = linear_controls(problem), _path_values(solution)

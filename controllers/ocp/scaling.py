@@ -8,7 +8,7 @@ A stated scale stays. Otherwise, with the largest magnitude of guess and ends, t
 how far the rates carry a state before T ends, or the state's own decay or oscillation ends it, under the guessed and
 some possible controls,
 
-    control      its limits where both are finite, else its guess, else a single limit, else 1;
+    control      its guess, or two limits more than ten times that, else a single limit, else 1;
     state        guess and ends, else the lesser of R and two limits, else what is there of R and a limit, else 1.
 
 Rounding noise, as sin π leaves it, is no magnitude: for a state, less than 1e-6 of R; for a control, or a state that
@@ -34,6 +34,7 @@ NOTHING = "nothing known"
 """origin of a scale of 1 that no number suggests"""
 
 _LEAST_SHARE = 1e-6  # of what the rates reach, below which the magnitude of a state is noise
+_FAIR_SHARE = 0.1  # of the limits of a control, from which its guess says more than they do
 _ROUNDING = 1e-12  # of the largest number that is stated
 _POINTS = 11  # along the guess, for the median of the rates
 _SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the range of the controls, for what they can do
@@ -155,7 +156,10 @@ def _of_control(variable: Variable, guess: Array, most: float) -> Scale:
         return Scale(variable.scale, "stated")
     guessed = float(np.abs(guess).max(initial=0.0))
     guessed = 0.0 if guessed <= _ROUNDING * most else guessed
-    return _first((_range(variable), "bounds"), (guessed, "guess"), (_single_limit(variable), "bounds"))
+    limit = _range(variable)
+    if guessed >= _FAIR_SHARE * limit and guessed > 0.0:
+        return Scale(guessed, "guess")
+    return _first((limit, "bounds"), (guessed, "guess"), (_single_limit(variable), "bounds"))
 
 
 def _of_state(variable: Variable, guess: Array, ends: float, reach: float, most: float) -> Scale:

@@ -5,7 +5,8 @@ What counts is the largest change by an unknown v that moves by its own scale s,
     cost     γ = max T (|L_v| s + |L_vv| s²/2), |Psi_v| s + |Psi_vv| s²/2, T |L + Psi_T|     along a guess;
     row d    max |nearer limit|, |d_v| s                                                      along the problem's guess.
 
-The scale is its power of ten, and 1 for what is of ordinary size: J from 1e-3 to 1e3, a row from 1e-2 to 1e2. The
+The scale is its power of ten, and 1 for what is of ordinary size: J from 1e-3 to 1e3, a row from 1e-2 to 1e2. A large
+J is divided by a hundredth of that: a J with slopes of 100 beside constraints with slopes of 1 takes fewer solves. The
 second derivatives are there because a guess is often 0, where a square is flat. A row is divided by a small
 number only where its second derivatives are small as well: a slope may be small by chance.
 """
@@ -26,6 +27,7 @@ from mathnavi.interfaces.signals import Array
 
 _ORDINARY_COST = (1e-3, 1e3)
 _ORDINARY_ROW = (1e-2, 1e2)
+_LARGE = 1e2  # change that is left of a large J
 _FAR, _NOTHING = 1e3, 1e-12  # of the scale of J: J over it that asks for another scale
 _GUESSED = 1e-9  # of the scale, above which the guess of a control says how large it is
 
@@ -52,7 +54,8 @@ def cost_scale(problem: ProblemFunctions, times: Array, x: Array, u: Array, dura
     ]
     if problem.free_duration:
         changes.append(duration * np.abs(along[:1] + at_end[0]))
-    return _power_of_ten(_largest(changes), _ORDINARY_COST)
+    scale = _power_of_ten(_largest(changes), _ORDINARY_COST)
+    return scale / _LARGE if scale > 1.0 else scale
 
 
 def corrected(scale: float, cost: float) -> float:

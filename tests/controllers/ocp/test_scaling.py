@@ -70,10 +70,10 @@ def test_a_table_says_where_each_scale_comes_from() -> None:
         "T": "guess",
     }  # fmt: skip
     assert scaling == {"x": 300.0, "v": 20.0, "m": 7.0, "idle": 1.0, "u": 4.0, "w": 9.0, "T": 5.0}
-    assert (scaling.cost.value, scaling.cost.origin) == (1e7, "derivative")
+    assert (scaling.cost.value, scaling.cost.origin) == (1e5, "derivative")
     shown = [line.split() for line in repr(scaling).splitlines()]
     assert ["m", "7", "stated"] in shown
-    assert ["J", "1e+07", "derivative"] in shown
+    assert ["J", "1e+05", "derivative"] in shown
     assert ["cone", "1e+05", "derivative"] in shown
     assert ["fuel", "1", "ordinary", "size"] in shown
     assert scaling._repr_html_().startswith("<b>")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
+import casadi as ca
 import numpy as np
 from annotated_types import Ge, Le
 
 from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.controllers.ocp.scaling_rows import corrected, cost_scale
 from mathnavi.interfaces.bounds import Count, Positive, Probability, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import (
@@ -76,7 +79,8 @@ class NumericalSolver:
         self._name, self._linear_solver = options.backend, options.linear_solver
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
-        self._bounds = nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper
+        self._bounds, self._row_scale = (nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper), nlp.row_scale
+        self._layout = nlp.layout
 
     def solve(
         self,
@@ -87,6 +91,9 @@ class NumericalSolver:
     ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
 
+        The solver sees f over its scale and each row over its own; arguments and answer are in units of f and g. Where
+        f turns out to be far smaller than its scale, it is solved again from there.
+
         Args:
             x_0: (n,) guess of the scaled unknowns.
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
@@ -96,11 +103,44 @@ class NumericalSolver:
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(SolverOutcome.NOT_FINITE, SolverOutcome.NOT_FINITE.value, x_0, began)
-        self._in["x0"][:], self._in["p"][:] = x_0, known
         limits = self._bounds if bounds is None else bounds
-        for name, values in zip(("lbx", "ubx", "lbg", "ubg"), limits, strict=True):
-            self._in[name][:] = values
-        self._in["lam_x0"][:], self._in["lam_g0"][:] = (0.0, 0.0) if multipliers is None else multipliers
+        scale = self._cost_scale(x_0, known)
+        answer = self._solved(x_0, known, multipliers, limits, scale)
+        if not answer.ok or (found := corrected(scale, answer.cost)) == scale:
+            return answer
+        again = self._solved(answer.x, known, answer.multipliers, limits, found)
+        return dataclasses.replace(
+            again if again.ok else answer,
+            iterations=answer.iterations + again.iterations,
+            solve_ms=answer.solve_ms + again.solve_ms,
+        )
+
+    def _cost_scale(self, unknowns: Array, known: Array) -> float:
+        """Scale of J along a vector of unknowns, at equal shares of T."""
+        layout, problem = self._layout, self._layout.problem
+        nx, nu = problem.nx, problem.nu
+        z, w, last = layout.split(unknowns)
+        duration = float(z[0, nx : nx + layout.durations].sum()) if layout.durations else problem.guess_duration
+        u = np.vstack([w[:, :nu], last if layout.scheme.shared else w[-1:, :nu]])
+        times = np.linspace(0.0, duration, len(z))
+        return cost_scale(problem, times, z[:, :nx], u, duration, known[: len(problem.parameters)])
+
+    def _solved(
+        self,
+        x_0: Array,
+        known: Array,
+        multipliers: tuple[Array, Array] | None,
+        bounds: tuple[Array, Array, Array, Array],
+        scale: float,
+    ) -> SolverAnswer:
+        """The answer of one solve, of f over this scale."""
+        began, rows = time.perf_counter(), self._row_scale
+        self._in["x0"][:], self._in["p"][:-1], self._in["p"][-1] = x_0, known, 1.0 / scale
+        x_lower, x_upper, lower, upper = bounds
+        self._in["lbx"][:], self._in["ubx"][:] = x_lower, x_upper
+        self._in["lbg"][:], self._in["ubg"][:] = lower / rows, upper / rows
+        of_bounds, of_rows = (0.0, 0.0) if multipliers is None else multipliers
+        self._in["lam_x0"][:], self._in["lam_g0"][:] = of_bounds / scale, of_rows * rows / scale
         report = self._solver.solve()
         if report.iterations is None:
             ended = report.outcome is SolverOutcome.LIMIT
@@ -121,8 +161,8 @@ class NumericalSolver:
             report.outcome,
             f"{self._name} gave up with the status {report.message}" if report.message.isdigit() else report.message,
             out["x"],
-            (out["lam_x"], out["lam_g"]),
-            float(out["f"][0]),
+            (scale * out["lam_x"], scale * out["lam_g"] / rows),
+            scale * float(out["f"][0]),
             report.iterations,
             1e3 * (time.perf_counter() - began),
         )
@@ -165,13 +205,43 @@ def _solver(nlp: Programme, options: Options) -> NlpSolver:
             equality=nlp.equality,
         )
         settings = fatrop_settings(stages, options.tolerance, options.iterations, _FATROP_WARM if options.warm else {})
+    scaled = _scaled(nlp, plugin)
     return NlpSolver(
         "solver",
         plugin,
-        {"x": nlp.x, "p": nlp.p, "f": nlp.assembly.f, "g": nlp.assembly.g},
+        scaled.functions,
         {"show_eval_warnings": False, **settings},
         _RESULTS,
         seconds=options.seconds,
         compiled=options.backend.endswith("compiled"),
-        cache=nlp.assembly.derivatives(plugin),
+        cache=scaled.derivatives,
     )
+
+
+class _Scaled(NamedTuple):
+    """Programme over its scales: x, p, f and g, and their derivatives; the last of p is one over the scale of f."""
+
+    functions: dict[str, ca.MX]
+    derivatives: dict[str, ca.Function]
+
+
+def _scaled(nlp: Programme, plugin: NlpPlugin) -> _Scaled:
+    """A programme over its scales, with what CasADi's ``plugin`` needs of its derivatives."""
+    x, p, share = nlp.x, nlp.p, ca.MX.sym("share")
+    sigma, mu = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(nlp.row_scale))
+    over = ca.DM(1.0 / nlp.row_scale)
+    own = nlp.assembly.derivatives(plugin)
+    f_and_gradient = own["nlp_grad_f"].call([x, p])
+    g, jacobian = own["nlp_jac_g"].call([x, p])
+    of_row = over[jacobian.sparsity().row()]
+    results = {
+        "nlp_grad_f": [share * each for each in f_and_gradient],
+        "nlp_jac_g": [over * g, ca.MX(jacobian.sparsity(), of_row * jacobian.nz[:])],
+        "nlp_hess_l": own["nlp_hess_l"].call([x, p, share * sigma, over * mu]),
+    }
+    known = {"x": x, "p": ca.vertcat(p, share)}
+    derivatives = {}
+    for name, result in results.items():
+        symbols = [*known.values(), *([sigma, mu] if name == "nlp_hess_l" else [])]
+        derivatives[name] = ca.Function(name, symbols, result, own[name].name_in(), own[name].name_out())
+    return _Scaled(known | {"f": share * nlp.assembly.f, "g": over * nlp.assembly.g}, derivatives)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.layout import mixed_constraints
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.scaling_rows import path_sizes
 from mathnavi.controllers.ocp.solution import Solution, along
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_integral_weights, interval_weights
@@ -86,7 +86,7 @@ def _violations(solution: Solution, at: tuple[Array, Array, Array], chosen: NDAr
         np.maximum(lower - values, values - upper) / scale
         for values, (lower, upper), scale in (
             (x, problem.state_bounds, problem.state_scale),
-            (_path(solution, *at), problem.path_bounds, _path_scale(problem)),
+            (_path(solution, *at), problem.path_bounds, path_sizes(problem)),
         )
     ]
     found: Array = np.where(chosen, np.hstack(over), 0.0).max(axis=1, initial=0.0)
@@ -102,7 +102,7 @@ def _held(solution: Solution) -> NDArray[np.bool_]:
         values = _path(solution, solution.inner.reshape(len(t), -1), solution.u.reshape(len(t), problem.nu), t)
         with np.errstate(invalid="ignore"):
             away = np.minimum(values - problem.path_bounds.lower, problem.path_bounds.upper - values)
-        holds = (away / _path_scale(problem) <= _HOLDS).reshape(len(found), -1, nd).all(axis=1)
+        holds = (away / path_sizes(problem) <= _HOLDS).reshape(len(found), -1, nd).all(axis=1)
         found[:, problem.nx + np.array(mixed)] = holds[:, mixed]
     return found
 
@@ -111,12 +111,6 @@ def _path(solution: Solution, x: Array, u: Array, t: Array) -> Array:
     """Path constraints (n, nd) at states (n, nx), controls (n, nu) and times (n,)."""
     p = np.tile(solution.parameters[:, None], (1, len(t)))
     return np.array(solution.problem.path.map(len(t))(x.T, u.T, t[None, :], p).full().T)
-
-
-def _path_scale(problem: ProblemFunctions) -> Array:
-    limits = [np.where(np.isfinite(side), np.abs(side), 0.0) for side in problem.path_bounds]
-    scale: Array = np.maximum(1.0, np.maximum(*limits))
-    return scale
 
 
 def running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:

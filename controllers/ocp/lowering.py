@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Iterable
 
 import casadi as ca
 import numpy as np
@@ -17,23 +15,11 @@ from mathnavi.controllers.ocp.guesses import SAMPLES, Derived, integral, simulat
 from mathnavi.controllers.ocp.implied_bounds import without_implied
 from mathnavi.controllers.ocp.instants import instant_functions
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.scaling import Scale, variable_scales
 from mathnavi.controllers.ocp.statement import Statement, Variable, bounds, limits
 from mathnavi.controllers.ocp.substitutions import since_start, with_duration
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
-
-
-def automatic_scale(guess: Array, ends: Iterable[float], lower: float, upper: float) -> float:
-    """Scale of a variable without a stated one.
-
-    The largest magnitude among its guess (k,), its values at the start and the end, and, where both its bounds are
-    finite and nothing else differs from zero, its bounds; 1 where that is not known.
-    """
-    stated = max([*(abs(float(value)) for value in guess), *(abs(end) for end in ends)], default=0.0)
-    if stated > 0.0:
-        return stated
-    bounded = max((abs(bound) for bound in (lower, upper) if math.isfinite(bound)), default=0.0)
-    return bounded or 1.0
 
 
 def functions_of(statement: Statement) -> ProblemFunctions:
@@ -91,8 +77,18 @@ class Guesses:
     times: Array  # (k,) fractions of T
     states: Array  # (k, nx)
     controls: Array  # (k, nu)
-    state_scale: Array  # (nx,)
-    control_scale: Array  # (nu,)
+    state_scales: list[Scale]  # nx
+    control_scales: list[Scale]  # nu
+
+    @property
+    def state_scale(self) -> Array:
+        """(nx,) values."""
+        return _values(self.state_scales)
+
+    @property
+    def control_scale(self) -> Array:
+        """(nu,) values."""
+        return _values(self.control_scales)
 
 
 def guesses_of(statement: Statement) -> Guesses:
@@ -113,9 +109,13 @@ def guesses_of(statement: Statement) -> Guesses:
     if statement.simulation is not None:
         rates = ca.Function("f", statement.along, [column(statement.rates[v.name] for v in statement.states)])
         start = _start(statement, x[0])
-        x = simulated(statement.name, rates, _scales(statement, statement.states, x), start, times * duration, u, p)
-    state_scale, control_scale = _scales(statement, statement.states, x), _scales(statement, statement.controls, u)
-    return Guesses(times, x, u, state_scale, control_scale)
+        before, _ = variable_scales(statement, times * duration, x, u, p)
+        x = simulated(statement.name, rates, _values(before), start, times * duration, u, p)
+    return Guesses(times, x, u, *variable_scales(statement, times * duration, x, u, p))
+
+
+def _values(scales: list[Scale]) -> Array:
+    return np.array([scale.value for scale in scales], float)
 
 
 def _derive(statement: Statement, times: Array, x: Array, u: Array, p: Array) -> None:
@@ -146,19 +146,6 @@ def _start(statement: Statement, guess: Array) -> Array:
             for v, value in zip(statement.states, guess, strict=True)
         ]
     )
-
-
-def _scales(statement: Statement, variables: list[Variable], guess: Array) -> Array:
-    """Scales (n,): stated ones, otherwise automatic."""
-    scales = list[float]()
-    for variable, values in zip(variables, guess.T, strict=True):
-        ends = [stated.get(variable.name) for stated in (statement.starts, statement.ends)]
-        known = [value_of(end, 0.0) for end in ends]
-        automatic = automatic_scale(values, known, variable.lower, variable.upper)
-        if isinstance(variable.guess, Derived) and variable.guess.start_of:
-            automatic = scales[[v.name for v in variables].index(variable.guess.start_of)]
-        scales.append(automatic if variable.scale is None else variable.scale)
-    return np.array(scales, float)
 
 
 def _nominal(statement: Statement) -> Array:

@@ -34,6 +34,7 @@ from mathnavi.controllers.ocp.layout import (
 )
 from mathnavi.controllers.ocp.pointwise import COLLOCATIONS, collocation_blocks
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.scaling_rows import end_scales, instant_scales, path_scale, state_row_scale
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, weights
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array, Integers
@@ -54,6 +55,7 @@ class Programme:
     assembly: Assembly  # f, g and their derivatives
     lower: Array  # (m,)
     upper: Array  # (m,)
+    row_scale: Array  # (m,) by which a solver divides the rows, see ``scaling_rows``
     x_lower: Array  # (layout.size,) over the scales
     x_upper: Array  # (layout.size,) over the scales
     path_rows: tuple[int, ...]  # (N,) constraints of each stage besides its gap
@@ -112,13 +114,13 @@ def programme(
     places[kept] = np.arange(np.count_nonzero(kept)) + shift
     places[0, :nz] -= shift
     at_start, at_end = nz + np.arange(shift)[None, :], places.max() + 1 + np.arange(len(end.lower))[None, :]
-    lower, upper = (
+    lower, upper, row_scale = (
         np.concatenate([each[:nz], first, np.tile(each, (count, 1))[kept][nz:], last, at])
         for first, each, last, at in zip(
-            (start.lower, start.upper),
+            (start.lower, start.upper, start.scale),
             own_limits,
-            (end.lower, end.upper),
-            (instants.lower, instants.upper),
+            (end.lower, end.upper, end.scale),
+            (instants.lower, instants.upper, instants.scale),
             strict=True,
         )
     )
@@ -154,6 +156,7 @@ def programme(
     tied_rows = len(lower) + np.arange(tied_columns[:, 1:].size, dtype=np.int64).reshape(tied_columns[:, 1:].shape)
     if tied:
         lower, upper = (np.append(side, np.zeros(tied_rows.size)) for side in (lower, upper))
+        row_scale = np.append(row_scale, np.ones(tied_rows.size))
         assert linear is not None  # arcs are those of collocation
         rows, ones = tied_rows.ravel(), np.ones(tied_rows.size)
         linear = Factors(
@@ -170,6 +173,7 @@ def programme(
         assembly=Assembly(x, p, len(lower), blocks, linear),
         lower=lower,
         upper=upper,
+        row_scale=row_scale,
         x_lower=x_lower,
         x_upper=x_upper,
         path_rows=tuple(path_rows),
@@ -244,6 +248,7 @@ class _End:
     stage: NlpStage
     lower: Array
     upper: Array
+    scale: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,8 +339,10 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Inter
     return _Interval(stage, functional, len(interval.between))
 
 
-def _interval_limits(layout: ProgrammeLayout, distribution: NodeDistribution, points: int) -> tuple[Array, Array]:
-    """Limits of the rows of an interval with path constraints at ``points`` points, in the stage function's order.
+def _interval_limits(
+    layout: ProgrammeLayout, distribution: NodeDistribution, points: int
+) -> tuple[Array, Array, Array]:
+    """Limits and scales of the rows of an interval with path constraints at ``points`` points, in the stage's order.
 
     States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
     """
@@ -343,24 +350,20 @@ def _interval_limits(layout: ProgrammeLayout, distribution: NodeDistribution, po
     bounded, equations = bounded_states(problem), np.zeros(layout.state_size + scheme.interior * problem.nx)
     hidden = max(0, len(scheme.points) - 2) if scheme.interior == 0 else 0
     vanishing = np.zeros(distribution.constraints(_sample_mesh(problem), ca.SX.zeros(distribution.constants)).numel())
-    lower, upper = (
-        np.concatenate([equations, np.tile(path, points), np.tile(states[bounded], hidden), vanishing, between])
-        for path, states, between in zip(
-            problem.path_bounds, problem.state_bounds, _bounds_between(problem, scheme), strict=True
-        )
-    )
-    return lower, upper
-
-
-def _bounds_between(problem: ProblemFunctions, scheme: Scheme) -> tuple[Array, Array]:
-    """Limits of the controls over their scales at ``fractions_between``, then of mixed constraints at the start."""
-    count, bounded = len(fractions_between(scheme)), bounded_controls(problem)
+    controls, count = bounded_controls(problem), len(fractions_between(scheme))
     mixed = mixed_constraints(problem) if count else []
+
+    def rows(own: Array, path: Array, states: Array, between: Array) -> Array:
+        parts = [np.tile(path, points), np.tile(states[bounded], hidden), own[len(equations) :]]
+        return np.concatenate([own[: len(equations)], *parts, np.tile(between[controls], count), path[mixed]])
+
+    nothing = np.concatenate([equations, vanishing])
     lower, upper = (
-        np.concatenate([np.tile((side / problem.control_scale)[bounded], count), path[mixed]])
-        for side, path in zip(problem.control_bounds, problem.path_bounds, strict=True)
+        rows(nothing, path, states, own / problem.control_scale)
+        for path, states, own in zip(problem.path_bounds, problem.state_bounds, problem.control_bounds, strict=True)
     )
-    return lower, upper
+    ones = np.ones(problem.nu)
+    return lower, upper, rows(np.ones(len(nothing)), path_scale(problem), state_row_scale(problem), ones)
 
 
 def _sample_mesh(problem: ProblemFunctions) -> Mesh:
@@ -374,7 +377,7 @@ def _start(layout: ProgrammeLayout) -> _End:
     problem = layout.problem
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
     rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
-    return _End(NlpStage(z, p, rows, ca.SX(0)), *problem.initial_bounds)
+    return _End(NlpStage(z, p, rows, ca.SX(0)), *problem.initial_bounds, end_scales(problem)[0])
 
 
 def _instants(layout: ProgrammeLayout) -> _End:
@@ -382,10 +385,10 @@ def _instants(layout: ProgrammeLayout) -> _End:
     problem, found = layout.problem, layout.problem.instants
     p = ca.SX.sym("p", len(problem.parameters))
     if found is None:
-        return _End(NlpStage(ca.SX(0, 1), p, ca.SX(0, 1), ca.SX(0)), np.empty(0), np.empty(0))
+        return _End(NlpStage(ca.SX(0, 1), p, ca.SX(0, 1), ca.SX(0)), np.empty(0), np.empty(0), np.empty(0))
     z = ca.SX.sym("z", len(found.fractions) * problem.nx)
     X = z * ca.DM(np.tile(problem.state_scale, len(found.fractions)))
-    return _End(NlpStage(z, p, found.rows(X, p), found.cost(X, p)), *found.bounds)
+    return _End(NlpStage(z, p, found.rows(X, p), found.cost(X, p)), *found.bounds, instant_scales(problem))
 
 
 def _end(layout: ProgrammeLayout) -> _End:
@@ -410,13 +413,15 @@ def _end(layout: ProgrammeLayout) -> _End:
         np.concatenate([final, path[along]])
         for final, path in zip(problem.final_bounds, problem.path_bounds, strict=True)
     )
+    scale = np.concatenate([end_scales(problem)[1], path_scale(problem)[along]])
     rows = ca.vertcat(problem.final(x, duration, p), held)
     if layout.arcs > 1:  # Σ δ = T
         rows = ca.vertcat(rows, duration / problem.guess_duration)
         shortest, longest = problem.duration_bounds
         lower = np.append(lower, shortest / problem.guess_duration)
         upper = np.append(upper, longest / problem.guess_duration)
-    return _End(NlpStage(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p)), lower, upper)
+        scale = np.append(scale, 1.0)
+    return _End(NlpStage(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p)), lower, upper, scale)
 
 
 def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution, *, tied: bool) -> tuple[Array, Array]:

@@ -41,6 +41,8 @@ from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions, duration_row, limit_rows
+from mathnavi.controllers.ocp.scaling import Scale, Scaling
+from mathnavi.controllers.ocp.scaling_rows import programme_scales
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.statement import Duration, Statement
@@ -383,18 +385,20 @@ class OptimalControlProblem:
         states = [v.name for v in self.statement.states]
         self.statement.simulation = Simulation(start_values(self.name, start or {}, states))
 
-    def scaling(self) -> dict[str, float]:
-        """Scales of the states, the controls and T by name: stated ones, otherwise automatic.
+    def scaling(self) -> Scaling:
+        """Scales of the states, the controls and T by name, with where each comes from; printed as a table.
 
-        Automatic is the largest magnitude among the guess and the values at start and end, or else of the bounds; 1
-        where all of these are 0 or missing.
+        A stated scale stays. Automatic ones come from the limits, the guess, the values at start and end and the
+        rates (see ``scaling``); those of J and of the constraints are what the solver divides them by, 1 for ordinary
+        sizes. Raises ProblemError where something is missing or contradicts itself, naming it.
         """
         duration = self.statement.duration
         if duration is None:
             raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
-        found = guesses_of(guessed(since_start(self.statement)))
-        scales = dict(zip(self.statement.variable_names, [*found.state_scale, *found.control_scale], strict=True))
-        return {name: float(scale) for name, scale in scales.items()} | {"T": duration.guess}
+        problem, found = self.functions(), guesses_of(guessed(since_start(self.statement)))
+        scales = [*found.state_scales, *found.control_scales]
+        variables = dict(zip(self.statement.variable_names, scales, strict=True))
+        return Scaling(self.name, variables | {"T": Scale(duration.guess, "guess")}, *programme_scales(problem))
 
     # solution
 
@@ -427,9 +431,9 @@ class OptimalControlProblem:
                 "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
             guess: a solution to start from, on any grid; None for the guess that was stated.
             parameters: values by name, the nominal ones where none is given.
-            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|), of
-                the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
-                whose number is given.
+            tolerance: largest miss and path violation, over the scales, and cost error, relative to max(1, |J|) or, of
+                a J that is small by its units, to its scale, of the replay of a solution that is called OPTIMAL. None:
+                1e-6 for "hp" and "refine", and 1e-3 on nodes whose number is given.
             options: NLP solver with its own tolerance, and what it prints or logs; None for the method's. FATROP
                 (``backend="fatrop"``) needs a scheme that gives x_(i+1): "multiple shooting", which "auto" and "direct"
                 then take, or "forward Euler"; "hp" is refused.

@@ -36,6 +36,7 @@ from mathnavi.controllers.ocp.crossings import not_smooth
 from mathnavi.controllers.ocp.defects import Defects, defects
 from mathnavi.controllers.ocp.instants import instant_cost, instant_excess
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.scaling_rows import cost_scale, path_sizes
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_weights, own_points
@@ -230,7 +231,7 @@ def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
     end = y * scale
     cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))
-    error = abs(cost - solution.cost) / max(1.0, abs(solution.cost))
+    error = abs(cost - solution.cost) / max(_least_cost(solution), abs(solution.cost))
     cost_error = error if math.isfinite(error) else math.inf
     control_violation = _control_violation(solution)
     one_piece = _one_piece(solution) if by_intervals else math.nan
@@ -251,6 +252,12 @@ def _one_piece(solution: Solution) -> float:
             return math.inf
         y = path[0][-1]
     return float(np.abs(y - x[-1]).max())
+
+
+def _least_cost(solution: Solution) -> float:
+    """Least |J| that a cost error is relative to: 1, or the scale of J where all of it is smaller by its units."""
+    u = np.vstack([solution.u[:, 0], solution.u[-1:, -1]])
+    return min(1.0, cost_scale(solution.problem, solution.t, solution.x, u, solution.duration, solution.parameters))
 
 
 def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | None:
@@ -318,10 +325,7 @@ def _path_violation(solution: Solution, states: Array, fractions: Array) -> floa
         p = np.tile(solution.parameters[:, None], (1, len(t)))
         d = problem.path.map(len(t))(states.reshape(len(t), -1).T, u.T, t[None, :], p).full().T
         lower, upper = problem.path_bounds
-        sizes = np.maximum(
-            np.abs(np.where(np.isfinite(lower), lower, 0.0)), np.abs(np.where(np.isfinite(upper), upper, 0.0))
-        )
-        worst = max(worst, _excess(d, lower, upper, np.maximum(1.0, sizes)))
+        worst = max(worst, _excess(d, lower, upper, path_sizes(problem)))
     return worst
 
 

@@ -79,7 +79,7 @@ class ReplayResult:
     miss: float  # scaled: largest |x_replayed(T) - x(T)| / x_scale, or the sum of the intervals' defects
     path_violation: float  # largest violation of state bounds and path constraints on a dense grid, scaled
     control_violation: float  # largest excess of the scheme's control over its bounds, as a share of their range
-    cost_error: float  # |J_replayed - J| / max(1, |J|)
+    cost_error: float  # |J_replayed - J| / max(1, |J|); of a small J by its units, over its scale
     cost: float  # J along the replay
     end: Array  # (nx,) x_replayed(T); where the replay is by intervals, x(T) + the last interval's defect
     by_intervals: bool  # open loop is ill-posed, so each interval was re-integrated from its own node

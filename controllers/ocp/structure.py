@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mathnavi.controllers.ocp.clocks import clocks_of
 from mathnavi.controllers.ocp.layout import bounded_states
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.scaling_rows import with_ordinary_rows
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.signals import Array, Integers
 
@@ -84,6 +85,7 @@ def _held_to(held: Integers, bounds: Interval) -> Interval:
 
 def structure(solution: Solution) -> Structure:
     """Structure of a solution."""
+    solution = with_ordinary_rows(solution)
     problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
     tau, multipliers = (solution.point_times / solution.duration).ravel(), solution.multipliers
     linear, path = linear_controls(problem), _path_values(solution)

@@ -50,6 +50,7 @@ from mathnavi.controllers.ocp.methods.switching_gaps import switching_gaps
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
+from mathnavi.controllers.ocp.scaling_rows import with_ordinary_rows
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.solver import FIXED, Options, nodes_of_instants, transcription
 from mathnavi.controllers.ocp.structure import Structure, linear_controls, structure, without_structure
@@ -97,6 +98,7 @@ def suboptimality(solution: Solution) -> float:
 
 def _restrained(solution: Solution) -> bool:
     """True if a limit on the path is active somewhere."""
+    solution = with_ordinary_rows(solution)
     problem, multipliers, shares = solution.problem, solution.multipliers, solution.point_shares[:, :, None]
     least = _FELT * max(abs(solution.cost), _FELT)
     return any(

@@ -75,9 +75,7 @@ class Transcription:
                 f"backend = {options.backend!r} cannot solve {scheme.name}: x_(i+1) is not given explicitly; "
                 "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
             )
-        if problem.instants is not None and (distribution.moving or options.backend.startswith("fatrop")):
-            why = "nodes that are unknowns" if distribution.moving else f"backend = {options.backend!r}"
-            raise ProblemError(f"{problem.name}: at() with {why}; allowed: nodes that are given, and backend = 'ipopt'")
+        check_instants(problem, distribution, options)
         self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
         if instant_nodes is None:
             instant_nodes = nodes_of_instants(problem, on_breaks(uniform(check_nodes(nodes)), problem.breaks))
@@ -343,6 +341,13 @@ class Transcription:
             z.append(grid.nodes[:, None])
             w.append(D[:, None])
         return layout.join(np.hstack(z), np.hstack(w), last if scheme.shared else np.empty(0))
+
+
+def check_instants(problem: ProblemFunctions, distribution: NodeDistribution, options: Options) -> None:
+    """Raise ProblemError for what is stated at given times where nodes are unknowns, and for FATROP."""
+    if problem.instants is not None and (distribution.moving or options.backend.startswith("fatrop")):
+        why = "nodes that are unknowns" if distribution.moving else f"backend = {options.backend!r}"
+        raise ProblemError(f"{problem.name}: at() with {why}; allowed: nodes that are given, and backend = 'ipopt'")
 
 
 def nodes_of_instants(problem: ProblemFunctions, grid: Grid) -> tuple[int, ...]:

@@ -40,7 +40,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_p
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome, Timing
-from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, check_instants, transcription
 from mathnavi.controllers.ocp.transcriptions.low_order import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.errors import ProblemError
@@ -213,6 +213,7 @@ def distribute(
     budget = Budget(options)
     if not distribution.moving:
         raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
+    check_instants(problem, distribution, options)
     first = solve(
         problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options, tolerance=tolerance
     )

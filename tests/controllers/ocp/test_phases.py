@@ -45,6 +45,13 @@ def bare(problem: MultiPhaseProblem) -> OptimalControlProblem:
     return problem.phase("bare")
 
 
+def counting(problem: MultiPhaseProblem, name: str) -> OptimalControlProblem:
+    """A phase more, with an integral."""
+    phase = problem.phase(name)
+    phase.integral(1, name="w")
+    return phase
+
+
 def test_the_optimum_does_not_depend_on_where_the_phases_are_cut() -> None:
     problem, _, _ = cut(lambda a: a.duration(0.3), lambda b: b.duration(0.7))
     found = problem.solve(9)
@@ -351,12 +358,12 @@ def test_equations_of_constants_that_contradict_each_other_are_too_many() -> Non
             "jump of s: s is a state of a only; allowed: jumps of x, v, the states of both",
         ),
         (
-            lambda problem, a, b: [b.start(b.statement.states[1].symbol, 0), problem.link(a, b, jumps={"v": 1})],
-            "jump of v: v is started by b itself; allowed: jumps of x, the states of both",
+            lambda problem, a, b: [each.integral(1, name="w") for each in (a, b)] + [problem.link(a, b, jumps={"w": 1})],
+            "jump of w: w is an integral, which begins anew in b; allowed: jumps of x, v, the states of both",
         ),
         (
-            lambda problem, a, b: [b.start(b.statement.x, 0), problem.link(a, b)],
-            "a to b: x, v of b: each has a start of its own; allowed: at least one state of both phases that",
+            lambda problem, a, b: problem.link(counting(problem, "c"), counting(problem, "d")),
+            "c to d: w: integrals, which begin anew in d; allowed: at least one other state of both phases",
         ),
         (lambda problem, a, b: problem.link(a, bare(problem)), "a to bare: no state in common; allowed: phases with"),
         (lambda problem, a, b: problem.unknown("x"), "a: variable 'x' is empty or taken"),

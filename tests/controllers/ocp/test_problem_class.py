@@ -385,7 +385,7 @@ def test_the_duration_of_a_phase_and_its_own_time_may_stand_in_its_dynamics() ->
     problem = MultiPhaseProblem("clock")
     for name in "ab":
         phase = problem.phase(name)
-        own, whole = phase.state("own"), phase.state("whole")
+        own, whole = phase.state(f"own {name}"), phase.state("whole")
         T = phase.free_duration(guess=1.0, lower=0.5, upper=2.0)
         phase.dynamics(own, phase.elapsed / T**2)
         phase.dynamics(whole, phase.t)
@@ -396,7 +396,7 @@ def test_the_duration_of_a_phase_and_its_own_time_may_stand_in_its_dynamics() ->
             first = phase
     problem.link(first, phase)
     found = problem.solve(5)
-    assert found["b"]["own"][-1] == pytest.approx(0.5)
+    assert found["b"]["own b"][-1] == pytest.approx(0.5)
     assert found["b"]["whole"][-1] == pytest.approx(2.0)
     for each in "ab":
         assert found[each].replay.miss < 1e-9  # type: ignore[union-attr]

@@ -32,6 +32,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.defects import Defects, defects
+from mathnavi.controllers.ocp.diagnosis import not_finite
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
 from mathnavi.controllers.ocp.transcriptions.scheme import gauss_legendre, integral_weights, weights
@@ -167,6 +168,10 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects 
     if known is None and len(solution.scheme.points) > 1:
         known = defects(solution)
     errors = None if known is None else np.abs(known.states).max(axis=1)
+    if not math.isfinite(found.error):
+        u = solution.control(solution.t)
+        if why := not_finite(solution.problem, solution.x, u, solution.t, solution.parameters, "solution"):
+            return dataclasses.replace(solution, status=SolverOutcome.NOT_FINITE, message=why)
     return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
 
 

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from mathnavi.controllers.ocp.distribution import Equidistributed
+from mathnavi.controllers.ocp.feasibility.restarts import with_restarts
 from mathnavi.controllers.ocp.grid import check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, TOLERANCE, hp
@@ -33,7 +35,9 @@ from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
 
 _NODES, _ROUNDS = 60, 5  # of the redistribution
-_HOPELESS = (SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE)  # by any method
+_HOPELESS = (
+    SolverOutcome.UNBOUNDED, SolverOutcome.OVERDETERMINED, SolverOutcome.NOT_FINITE, SolverOutcome.INFEASIBLE
+)  # by any method  # fmt: skip
 
 
 def automatic(
@@ -139,6 +143,8 @@ def solve_by(
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
 
+    Where a method finds no feasible point it is restarted from other guesses (see ``feasibility.restarts``).
+
     Args:
         problem: the problem as compiled functions.
         nodes: N, for ``hp`` and ``refine`` the most that they may use; None for as many as ``auto`` and ``hp`` need,
@@ -163,6 +169,22 @@ def solve_by(
         check_nodes(nodes)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
+    within = tolerance if tolerance is not None else TOLERANCE if nodes is None else GIVEN_NODES
+    chosen = partial(_by_method, problem, nodes, method, monitor, parameters, tolerance, options)
+    return with_restarts(problem, chosen, guess, parameters, within, Options() if options is None else options)
+
+
+def _by_method(
+    problem: ProblemFunctions,
+    nodes: int | None,
+    method: Method,
+    monitor: Monitor | str | None,
+    parameters: Array,
+    tolerance: float | None,
+    options: Options | None,
+    guess: Solution | None,
+) -> Solution:
+    """Solve a problem by one of the methods from one guess; see ``solve_by``."""
     given: dict[str, Any] = {"guess": guess, "parameters": parameters}
     if options is not None:
         given["options"] = options

@@ -1,0 +1,292 @@
+"""Proof by enclosure that a problem has no feasible point: its ends, and what can be reached from its start.
+
+A box of states that holds all feasible x(t) is carried along by the differential inequalities of Müller,
+
+    l_i' = min f_i(x, u, t; p)  over  l <= x <= h, x_i = l_i, u in U,        h_i' = max f_i  over  x_i = h_i,
+
+with interval arithmetic for the extrema (see ``intervals``) and within the bounds of the states. It begins at the
+values that the start pins. Where no x(T) of the box meets the conditions at the end, or a constraint holds nowhere in
+it, no trajectory is feasible, whatever the transcription. The other way round nothing follows: the box may be larger
+than what can be reached.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.controllers.ocp.feasibility.intervals import enclosed, point, whole
+from mathnavi.controllers.ocp.feasibility.labels import limited, with_place
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval, ProblemFunctions
+from mathnavi.interfaces.signals import Array
+
+_STEPS = 100  # of the box over the longest duration; twice as many show the error of the integration
+_ROUNDING = 1e-9  # relative: what is violated by less may hold
+_SAFETY = 4.0  # times the difference of both integrations
+_MOST = 6  # conditions that are named
+
+
+def pinned(problem: ProblemFunctions, p: Array, where: str) -> Interval:
+    """States (nx,) at the "start" or the "end", between their bounds and as conditions on one of them alone pin them.
+
+    The box is empty, lower > upper, where these contradict each other.
+    """
+    function, rows = (
+        (problem.initial, problem.initial_bounds) if where == "start" else (problem.final, problem.final_bounds)
+    )
+    lower, upper = (side.copy() for side in problem.state_bounds)
+    states, slopes, offsets = _alone(function)
+    arguments = (p,) if where == "start" else (problem.guess_duration, p)
+    coefficients, values = (np.array(each(*arguments).full())[:, 0] for each in (slopes, offsets))
+    for row, state in states.items():
+        if where == "end" and problem.free_duration and row in _timed(function):
+            continue
+        coefficient = coefficients[row]
+        if not (np.isfinite(coefficient) and np.isfinite(values[row])) or coefficient == 0.0:
+            continue
+        ends = sorted((float(side[row]) - float(values[row])) / float(coefficient) for side in rows)
+        lower[state], upper[state] = max(lower[state], ends[0]), min(upper[state], ends[1])
+    return Interval(lower, upper)
+
+
+@lru_cache(maxsize=64)
+def _alone(function: ca.Function) -> tuple[dict[int, int], ca.Function, ca.Function]:
+    """Conditions that are linear in one state, {row: state}, with the functions of their factors and offsets."""
+    x, *others = function.sx_in()
+    rows = function(x, *others)
+    jacobian = ca.jacobian(rows, x)
+    bent = ca.which_depends(rows, x, 2, True) if rows.numel() else []
+    pattern = list(zip(jacobian.sparsity().row(), jacobian.sparsity().get_triplet()[1], strict=True))
+    states = {
+        row: column for row, column in pattern if sum(other == row for other, _ in pattern) == 1 and not bent[row]
+    }
+    zero = ca.DM.zeros(x.numel())
+    slopes = ca.Function("slopes", others, [ca.densify(ca.sum2(ca.substitute(jacobian, x, zero)))])
+    offsets = ca.Function("offsets", others, [ca.densify(ca.substitute(rows, x, zero))])
+    return states, slopes, offsets
+
+
+@lru_cache(maxsize=64)
+def _timed(function: ca.Function) -> frozenset[int]:
+    """Rows of the conditions at the end that depend on the final time."""
+    return frozenset(function.jac_sparsity(0, 1).row())
+
+
+def _outside(values: Interval, limits: Interval) -> Array:
+    """(m, n) True where no value (m, n) of an enclosure is within limits (m,)."""
+    lower, upper = (
+        side[:, None] + sign * _ROUNDING * np.maximum(1.0, np.where(np.isfinite(side), np.abs(side), 0.0))[:, None]
+        for side, sign in zip(limits, (-1.0, 1.0), strict=True)
+    )
+    found: Array = (values.upper < lower) | (values.lower > upper)
+    return found
+
+
+class Proof(NamedTuple):
+    """Proof that no trajectory is feasible."""
+
+    words: str  # names of the conditions that cannot hold
+    reached: str = ""  # what the states come to from the start, where that is the reason
+
+    def __str__(self) -> str:
+        return f"{self.words}; from the start {self.reached}" if self.reached else self.words
+
+
+def infeasible_by_enclosure(problem: ProblemFunctions, p: Array) -> Proof | None:
+    """Prove, for parameters p (np,), that no trajectory is feasible; None where the enclosures do not show it."""
+    return _proof(problem, tuple(p.tolist()))
+
+
+@lru_cache(maxsize=64)
+def _proof(problem: ProblemFunctions, values: tuple[float, ...]) -> Proof | None:
+    p = np.array(values)
+    return contradiction_at_ends(problem, p) or out_of_reach(problem, p)
+
+
+def contradiction_at_ends(problem: ProblemFunctions, p: Array) -> Proof | None:
+    """The first condition that cannot hold at the start or the end with what is pinned there; None if there is none.
+
+    The duration may be any one within its limits and controls any within theirs. It is exact where all states that the
+    condition depends on are pinned.
+    """
+    known = point(p)
+    durations = Interval(*(np.array([[limit]]) for limit in problem.duration_bounds))
+    for where in ("start", "end"):
+        box = pinned(problem, p, where)
+        empty = np.flatnonzero(box.lower - box.upper > _ROUNDING * np.maximum(1.0, np.abs(box.upper)))
+        if len(empty):
+            name = problem.states[empty[0]]
+            bound = _limit_text(name, problem.state_bounds.lower[empty[0]], problem.state_bounds.upper[empty[0]])
+            return Proof(f"{_pins(problem, where, [int(empty[0])])}: cannot hold with {bound or 'each other'}")
+        states, inputs = whole(box), whole(problem.control_bounds)
+        at = point(0.0) if where == "start" else durations
+        conditions = (
+            (problem.initial, (states, known), problem.initial_bounds, problem.initial_names, "start")
+            if where == "start"
+            else (problem.final, (states, durations, known), problem.final_bounds, problem.final_names, "end")
+        )
+        path = (problem.path, (states, inputs, at, known), problem.path_bounds, problem.path_names, "path")
+        for function, boxes, limits, names, kind in (conditions, path):
+            if not len(names):
+                continue
+            values = enclosed(function, boxes)
+            for row in np.flatnonzero(_outside(values, limits)[:, 0]):
+                depends = sorted({c for r, c in _pattern(function) if r == row})
+                text = limited(names, *limits)[row]
+                label = f"path: {text}" if kind == "path" else with_place(kind, [text])[0]
+                least, most = float(values.lower[row, 0]), float(values.upper[row, 0])
+                others = [each for each in _pins(problem, where, depends).split("; ") if each != label]
+                shown = _range(least, most)
+                return Proof(f"{'; '.join(others)}: cannot hold with {label}, which is {shown} there")
+    return None
+
+
+@lru_cache(maxsize=64)
+def _pattern(function: ca.Function) -> tuple[tuple[int, int], ...]:
+    """(row, state) that depend on each other."""
+    rows, columns = function.jac_sparsity(0, 0).get_triplet()
+    return tuple(zip(rows, columns, strict=True))
+
+
+def _pins(problem: ProblemFunctions, where: str, states: list[int]) -> str:
+    """Names of the conditions at one end that are on one of these states alone."""
+    function, names, limits = (
+        (problem.initial, problem.initial_names, problem.initial_bounds)
+        if where == "start"
+        else (problem.final, problem.final_names, problem.final_bounds)
+    )
+    of_state = _alone(function)[0]
+    texts = with_place(where, limited(names, *limits))
+    return "; ".join([texts[row] for row, state in of_state.items() if state in states][:_MOST]) or f"the {where}"
+
+
+def _limit_text(name: str, lower: float, upper: float) -> str:
+    if not (np.isfinite(lower) or np.isfinite(upper)):
+        return ""
+    return limited((name,), np.array([lower]), np.array([upper]))[0]
+
+
+def _range(lower: float, upper: float) -> str:
+    lower, upper = (0.0 if abs(end) < 1e-6 * (upper - lower) else end for end in (lower, upper))
+    if upper - lower <= _ROUNDING * max(1.0, abs(upper)):
+        return f"{0.5 * (lower + upper):.4g}"
+    if lower == -np.inf:
+        return f"at most {upper:.4g}"
+    return f"at least {lower:.4g}" if upper == np.inf else f"between {lower:.4g} and {upper:.4g}"
+
+
+def out_of_reach(problem: ProblemFunctions, p: Array) -> Proof | None:
+    """The first condition that no trajectory from the start can meet; None where the box does not show it.
+
+    Also None where the final time is free without a limit that was stated.
+    """
+    longest = problem.duration_bounds[1]
+    if longest >= DURATION_LIMITS[1] or not problem.nx:
+        return None
+    start = pinned(problem, p, "start")
+    fine, coarse = (_tube(problem, p, start, longest, many) for many in (2 * _STEPS, _STEPS))
+    with np.errstate(invalid="ignore"):
+        error = _SAFETY * np.maximum(*(np.abs(a[:, ::2] - b) for a, b in zip(fine, coarse, strict=True)))
+    room = np.where(np.isfinite(error), error, 0.0).max(axis=1, initial=0.0)[:, None]
+    room += _ROUNDING * np.maximum(1.0, problem.state_scale[:, None])
+    tube = Interval(coarse.lower - room, coarse.upper + room)
+    times = np.linspace(0.0, longest, _STEPS + 1)
+    return _on_the_way(problem, p, tube, times) or _at_the_end(problem, p, tube, times)
+
+
+def _tube(problem: ProblemFunctions, p: Array, start: Interval, longest: float, steps: int) -> Interval:
+    """Boxes (nx, steps + 1) from a start (nx,) over a time [s], by Heun's method."""
+    nx, step = problem.nx, longest / steps
+    bounds, faces = problem.state_bounds, np.arange(problem.nx)
+    inputs, known = whole(problem.control_bounds, 2 * nx), point(p, 2 * nx)
+
+    def slopes(lower: Array, upper: Array, t: float) -> tuple[Array, Array]:
+        least, most = np.maximum(lower, bounds.lower), np.minimum(upper, bounds.upper)
+        least, most = np.minimum(least, most), np.maximum(least, most)  # beyond a bound nothing is feasible
+        box = Interval(np.tile(least[:, None], (1, 2 * nx)), np.tile(most[:, None], (1, 2 * nx)))
+        box.upper[faces, faces], box.lower[faces, nx + faces] = least, most
+        rates = enclosed(problem.dynamics, (box, inputs, point(t, 2 * nx), known))
+        falling, rising = rates.lower[faces, faces], rates.upper[faces, nx + faces]
+        falling = np.where(lower <= bounds.lower, np.maximum(falling, 0.0), falling)
+        rising = np.where(upper >= bounds.upper, np.minimum(rising, 0.0), rising)
+        return falling, rising
+
+    ends = [start]
+    with np.errstate(all="ignore"):
+        for k in range(steps):
+            lower, upper = ends[-1]
+            t = k * step
+            first = slopes(lower, upper, t)
+            second = slopes(lower + step * first[0], upper + step * first[1], t + step)
+            lower = lower + 0.5 * step * (first[0] + second[0])
+            upper = upper + 0.5 * step * (first[1] + second[1])
+            lower = np.where(np.isfinite(lower), lower, -np.inf)
+            ends.append(Interval(lower, np.where(np.isfinite(upper), upper, np.inf)))
+    return Interval(np.array([each.lower for each in ends]).T, np.array([each.upper for each in ends]).T)
+
+
+def _on_the_way(problem: ProblemFunctions, p: Array, tube: Interval, times: Array) -> Proof | None:
+    """A bound or a path constraint that holds nowhere in the box at a time that every trajectory comes to."""
+    shortest = problem.duration_bounds[0]
+    bounds, many = problem.state_bounds, times <= shortest
+    left = _outside(tube, bounds) & many
+    if left.any():
+        k = int(left.any(axis=0).argmax())
+        i = int(left[:, k].argmax())
+        bound = _limit_text(problem.states[i], bounds.lower[i], bounds.upper[i])
+        shown = _range(float(tube.lower[i, k]), float(tube.upper[i, k]))
+        return Proof(f"{bound}: cannot hold", f"{problem.states[i]} is {shown} at t = {times[k]:.4g} s")
+    if len(problem.path_names):
+        n = int(many.sum())
+        states = _within(Interval(tube.lower[:, :n], tube.upper[:, :n]), bounds)
+        at = Interval(times[None, :n], times[None, :n])
+        boxes = (states, whole(problem.control_bounds, n), at, point(p, n))
+        values = enclosed(problem.path, boxes)
+        broken = _outside(values, problem.path_bounds)
+        if broken.any():
+            k = int(broken.any(axis=0).argmax())
+            row = int(broken[:, k].argmax())
+            text = limited(problem.path_names, *problem.path_bounds)[row]
+            shown = _range(float(values.lower[row, k]), float(values.upper[row, k]))
+            return Proof(f"path: {text}: cannot hold", f"it is {shown} at t = {times[k]:.4g} s")
+    return None
+
+
+def _at_the_end(problem: ProblemFunctions, p: Array, tube: Interval, times: Array) -> Proof | None:
+    """A condition at the end that the box does not meet at any duration within its limits."""
+    shortest, longest = problem.duration_bounds
+    target = pinned(problem, p, "end")
+    if problem.free_duration:  # what a trajectory comes through between two times is in the hull of their boxes
+        own = times[1:] >= shortest
+        lower = np.minimum(tube.lower[:, 1:], tube.lower[:, :-1])[:, own]
+        upper = np.maximum(tube.upper[:, 1:], tube.upper[:, :-1])[:, own]
+        ends = Interval(times[:-1][own][None], times[1:][own][None])
+    else:
+        lower, upper, ends = tube.lower[:, -1:], tube.upper[:, -1:], point(longest)
+    n, reached = lower.shape[1], Interval(lower, upper)
+    apart = _outside(reached, target)
+    for i in np.flatnonzero(apart.all(axis=1)):
+        name = _pins(problem, "end", [int(i)])
+        if name == "the end":
+            name = _limit_text(problem.states[i], problem.state_bounds.lower[i], problem.state_bounds.upper[i])
+        where = f"within {longest:.4g} s" if problem.free_duration else f"at T = {longest:.4g} s"
+        shown = _range(float(lower[i].min()), float(upper[i].max()))
+        return Proof(f"{name}: cannot hold", f"{problem.states[i]} is {shown} {where}")
+    if len(problem.final_names):
+        boxes = (_within(reached, target), ends, point(p, n))
+        missed = _outside(enclosed(problem.final, boxes), problem.final_bounds)
+        missed = missed | apart.any(axis=0)
+        if missed.any(axis=0).all():
+            texts = with_place("end", limited(problem.final_names, *problem.final_bounds))
+            named = [texts[row] for row in np.flatnonzero(missed.any(axis=1))][:_MOST]
+            return Proof(f"{'; '.join(named)}: cannot hold", "the states do not come there")
+    return None
+
+
+def _within(boxes: Interval, limits: Interval) -> Interval:
+    """Boxes (nx, n) within limits (nx,); a box outside them is turned over, and means nothing."""
+    lower, upper = np.maximum(boxes.lower, limits.lower[:, None]), np.minimum(boxes.upper, limits.upper[:, None])
+    return Interval(np.minimum(lower, upper), np.maximum(lower, upper))

@@ -1,0 +1,91 @@
+"""Guesses to restart from where a solve found no feasible point: controls of several shapes, simulated from the start.
+
+A guess of zeros may be a stationary point of a constraint (x' = u |u|, a vehicle that cannot move sideways, a line
+through the middle of an obstacle), where no direction makes its violation smaller. Trajectories of the dynamics under
+other controls are not, but for chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mathnavi.controllers.ocp.feasibility.enclosure import pinned
+from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, ProblemFunctions
+from mathnavi.interfaces.signals import Array
+
+_TIMES = 31  # of a guess
+_SUBSTEPS = 10  # of a simulation between two of them
+_NOISE = 0.3  # of an own guess that is perturbed, over scales and half the range of the controls
+_LARGEST = 1e6  # scaled state of a simulation that counts as diverged
+_INSIDE = 0.05  # share of a control's range that a guess keeps away from its limits
+
+
+def starts(
+    problem: ProblemFunctions, own: GuessedTrajectory, p: Array, count: int, rng: np.random.Generator
+) -> Iterator[tuple[str, GuessedTrajectory]]:
+    """Name and guess of at most ``count`` restarts.
+
+    First the controls of the own guess, simulated; then by turns controls that are constant, that wander, those of the
+    own guess with noise, and that are bent once. A free final time is half to four times the guessed one. What diverges
+    is left out.
+    """
+    tau = np.linspace(0.0, 1.0, _TIMES)
+    states, controls = own.states_at(tau), own.controls_at(tau)
+    reach = np.maximum(problem.control_scale, np.abs(controls).max(axis=0, initial=0.0))
+    lower, upper = (
+        np.where(np.isfinite(side), side, sign * reach)
+        for side, sign in zip(problem.control_bounds, (-1.0, 1.0), strict=True)
+    )
+    box = pinned(problem, p, "start")
+    start = np.clip(states[0], box.lower, box.upper)
+
+    def simulation(u: Array, duration: float) -> GuessedTrajectory | None:
+        x = _simulated(problem, start, tau * duration, u, p)
+        return None if x is None else GuessedTrajectory(tau, np.clip(x, *problem.state_bounds), u, duration)
+
+    def knots(many: int) -> Array:
+        shares, at = rng.uniform(_INSIDE, 1.0 - _INSIDE, (many, problem.nu)), np.linspace(0.0, 1.0, many)
+        columns = [np.interp(tau, at, column) for column in shares.T]
+        return lower + np.array(columns).T.reshape(len(tau), problem.nu) * (upper - lower)
+
+    if (found := simulation(np.clip(controls, lower, upper), own.duration)) is not None:
+        yield "its controls, simulated", found
+    for k in range(count - 1):
+        factor, duration = 2.0 ** int(rng.integers(-1, 3)), own.duration
+        if problem.free_duration:
+            duration = float(np.clip(factor * duration, *problem.duration_bounds))
+        kind = ("constant controls", "wandering controls", "the guess with noise", "bent controls")[k % 4]
+        if kind == "the guess with noise":
+            x = states + _NOISE * rng.normal(size=states.shape) * problem.state_scale
+            u = controls + _NOISE * rng.normal(size=controls.shape) * 0.5 * (upper - lower)
+            x, u = np.clip(x, *problem.state_bounds), np.clip(u, lower, upper)
+            yield kind, GuessedTrajectory(tau, x, u, duration)
+        elif (found := simulation(knots({"c": 1, "w": 5, "b": 3}[kind[0]]), duration)) is not None:
+            yield kind, found
+
+
+def _simulated(problem: ProblemFunctions, start: Array, times: Array, controls: Array, p: Array) -> Array | None:
+    """States (k, nx) under controls (k, nu), straight between times (k,) [s], by Runge-Kutta's method; None if lost."""
+    x, found = start.copy(), [start]
+    for k in range(len(times) - 1):
+        h = (times[k + 1] - times[k]) / _SUBSTEPS
+        for j in range(_SUBSTEPS):
+            share = j / _SUBSTEPS
+            u = [controls[k] + (share + c / _SUBSTEPS) * (controls[k + 1] - controls[k]) for c in (0.0, 0.5, 1.0)]
+            t = times[k] + j * h
+            a = _rates(problem, x, u[0], t, p)
+            b = _rates(problem, x + 0.5 * h * a, u[1], t + 0.5 * h, p)
+            c = _rates(problem, x + 0.5 * h * b, u[1], t + 0.5 * h, p)
+            d = _rates(problem, x + h * c, u[2], t + h, p)
+            x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+            if not np.abs(x / problem.state_scale).max(initial=0.0) < _LARGEST:  # NaN too
+                return None
+        found.append(x)
+    return np.array(found)
+
+
+def _rates(problem: ProblemFunctions, x: Array, u: Array, t: float, p: Array) -> Array:
+    rates: Array = np.array(problem.dynamics(x, u, t, p).full())[:, 0]
+    return rates

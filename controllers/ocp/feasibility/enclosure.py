@@ -23,7 +23,7 @@ from mathnavi.controllers.ocp.feasibility.labels import limited, with_place
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval, ProblemFunctions
 from mathnavi.interfaces.signals import Array
 
-_STEPS = 100  # of the box over the longest duration; twice as many show the error of the integration
+_STEPS = 50  # of the box over the longest duration; twice as many show the error of the integration
 _ROUNDING = 1e-9  # relative: what is violated by less may hold
 _SAFETY = 4.0  # times the difference of both integrations
 _MOST = 6  # conditions that are named

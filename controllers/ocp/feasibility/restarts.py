@@ -56,10 +56,13 @@ def with_restarts(
     """
     began = time.process_time()
     failed = again(guess)
-    if failed.status not in _RESTARTED or not failed.iterations or not _violated(failed):
+    stopped = failed.status is SolverOutcome.LIMIT and options.iterations < _ITERATIONS  # as the caller wanted
+    if failed.status not in _RESTARTED or not failed.iterations or stopped:
         return failed
+    feasible = failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not _violated(failed)
     own = problem.guess if guess is None else _sampled(guess)
-    tried, ends = 0, {failed.status}
+    words = failed.message if failed.status is SolverOutcome.NO_FEASIBLE_POINT else ""
+    tried = 0
     for what, start in starts(problem, own, parameters, _COUNT, np.random.default_rng(_SEED)):
         left = options.seconds - (time.process_time() - began)
         if left <= 0.0:
@@ -67,9 +70,8 @@ def with_restarts(
         limits = {"iterations": min(options.iterations, _ITERATIONS), "seconds": min(left, _SECONDS)}
         own_options = dataclasses.replace(options, backend="ipopt", warm=False, **limits)
         made = transcription(problem, RadauIIA(_POINTS), _NODES, FIXED, own_options)
-        found = made.solve(start, uniform(_NODES), parameters, explained=not tried)
+        found = made.solve(start, uniform(_NODES), parameters, explained=not words)
         tried += 1
-        ends.add(found.status)
         if found.status in (SolverOutcome.INFEASIBLE, SolverOutcome.UNBOUNDED):
             return dataclasses.replace(found, method=failed.method)
         if found.solved:
@@ -78,15 +80,14 @@ def with_restarts(
                 solved = replayed(found, tolerance)
             message = f"from restart {tried} ({what}): {solved.message}"
             return dataclasses.replace(solved, message=message, timing=solved.timing + failed.timing)
-        if failed.status is not SolverOutcome.NO_FEASIBLE_POINT and tried == 1:
-            named = found.message
-    if not tried:
+        if found.status is SolverOutcome.NO_FEASIBLE_POINT:
+            words = words or found.message
+        else:
+            feasible = feasible or not _violated(found)
+    if feasible or not tried:
         return failed
-    words = failed.message if failed.status is SolverOutcome.NO_FEASIBLE_POINT else named
-    none = f"none found from {1 + tried} starts"
-    if ends <= {SolverOutcome.NO_FEASIBLE_POINT, SolverOutcome.LIMIT, SolverOutcome.FAILED}:
-        return dataclasses.replace(failed, status=SolverOutcome.NO_FEASIBLE_POINT, message=f"{none}; {words}")
-    return failed
+    message = f"none found from {1 + tried} starts; {words or failed.message}"
+    return dataclasses.replace(failed, status=SolverOutcome.NO_FEASIBLE_POINT, message=message)
 
 
 def _sampled(guess: Solution) -> GuessedTrajectory:
@@ -107,8 +108,8 @@ def _violated(solution: Solution) -> bool:
     worst = 0.0
     for rows, (lower, upper) in ends:
         values = np.array(rows.full())
-        size = np.maximum(1.0, *(np.where(np.isfinite(side), np.abs(side), 0.0) for side in (lower, upper)))
-        excess = np.maximum(lower[:, None] - values, values - upper[:, None]) / size[:, None]
+        largest = np.maximum(*(np.where(np.isfinite(side), np.abs(side), 0.0) for side in (lower, upper)))
+        excess = np.maximum(lower[:, None] - values, values - upper[:, None]) / np.maximum(1.0, largest)[:, None]
         worst = max(worst, float(np.nan_to_num(excess, nan=math.inf).max(initial=0.0)))
     if len(solution.scheme.points) > 1:
         worst = max(worst, float(np.nan_to_num(np.abs(defects(solution).states), nan=math.inf).max(initial=0.0)))

@@ -8,7 +8,9 @@ other controls are not, but for chance.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.feasibility.enclosure import pinned
@@ -68,24 +70,24 @@ def starts(
 
 def _simulated(problem: ProblemFunctions, start: Array, times: Array, controls: Array, p: Array) -> Array | None:
     """States (k, nx) under controls (k, nu), straight between times (k,) [s], by Runge-Kutta's method; None if lost."""
-    x, found = start.copy(), [start]
-    for k in range(len(times) - 1):
-        h = (times[k + 1] - times[k]) / _SUBSTEPS
-        for j in range(_SUBSTEPS):
-            share = j / _SUBSTEPS
-            u = [controls[k] + (share + c / _SUBSTEPS) * (controls[k + 1] - controls[k]) for c in (0.0, 0.5, 1.0)]
-            t = times[k] + j * h
-            a = _rates(problem, x, u[0], t, p)
-            b = _rates(problem, x + 0.5 * h * a, u[1], t + 0.5 * h, p)
-            c = _rates(problem, x + 0.5 * h * b, u[1], t + 0.5 * h, p)
-            d = _rates(problem, x + h * c, u[2], t + h, p)
-            x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-            if not np.abs(x / problem.state_scale).max(initial=0.0) < _LARGEST:  # NaN too
-                return None
-        found.append(x)
-    return np.array(found)
+    steps = _SUBSTEPS * (len(times) - 1)
+    fine = np.interp(np.arange(steps + 1) / _SUBSTEPS, np.arange(len(times)), times)
+    u = np.array([np.interp(fine, times, column) for column in controls.T]).reshape(problem.nu, steps + 1)
+    known = np.vstack([u[:, :-1], u[:, 1:], fine[None, :-1], np.diff(fine)[None, :]])
+    x = np.array(_simulation(problem, steps)(start, known, np.tile(p[:, None], (1, steps))).full())
+    found = np.vstack([start, x.T[_SUBSTEPS - 1 :: _SUBSTEPS]])
+    return found if np.abs(found / problem.state_scale).max(initial=0.0) < _LARGEST else None  # NaN is not
 
 
-def _rates(problem: ProblemFunctions, x: Array, u: Array, t: float, p: Array) -> Array:
-    rates: Array = np.array(problem.dynamics(x, u, t, p).full())[:, 0]
-    return rates
+@lru_cache(maxsize=64)
+def _simulation(problem: ProblemFunctions, steps: int) -> ca.Function:
+    """(x, known (2 nu + 2, steps), p (np, steps)) -> states (nx, steps) after each step."""
+    x, p = ca.SX.sym("x", problem.nx), ca.SX.sym("p", len(problem.parameters))
+    u_0, u_1, t, h = ca.SX.sym("u_0", problem.nu), ca.SX.sym("u_1", problem.nu), ca.SX.sym("t"), ca.SX.sym("h")
+    u_m, half = 0.5 * (u_0 + u_1), 0.5 * h
+    a = problem.dynamics(x, u_0, t, p)
+    b = problem.dynamics(x + half * a, u_m, t + half, p)
+    c = problem.dynamics(x + half * b, u_m, t + half, p)
+    d = problem.dynamics(x + h * c, u_1, t + h, p)
+    step = ca.Function("step", [x, ca.vertcat(u_0, u_1, t, h), p], [x + h / 6.0 * (a + 2.0 * b + 2.0 * c + d)])
+    return step.mapaccum("simulation", steps)

@@ -57,12 +57,14 @@ def with_restarts(
     began = time.process_time()
     failed = again(guess)
     stopped = failed.status is SolverOutcome.LIMIT and options.iterations < _ITERATIONS  # as the caller wanted
-    if failed.status not in _RESTARTED or not failed.iterations or stopped:
+    if failed.status not in _RESTARTED or stopped:
+        return failed
+    if failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not failed.iterations:  # the solver did not begin
         return failed
     feasible = failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not _violated(failed)
     own = problem.guess if guess is None else _sampled(guess)
     words = failed.message if failed.status is SolverOutcome.NO_FEASIBLE_POINT else ""
-    tried = 0
+    tried, timing = 0, failed.timing
     for what, start in starts(problem, own, parameters, _COUNT, np.random.default_rng(_SEED)):
         left = options.seconds - (time.process_time() - began)
         if left <= 0.0:
@@ -71,19 +73,20 @@ def with_restarts(
         own_options = dataclasses.replace(options, backend="ipopt", warm=False, **limits)
         made = transcription(problem, RadauIIA(_POINTS), _NODES, FIXED, own_options)
         found = made.solve(start, uniform(_NODES), parameters, explained=not words)
-        tried += 1
+        tried, timing = tried + 1, timing + found.timing
         if found.status in (SolverOutcome.INFEASIBLE, SolverOutcome.UNBOUNDED):
-            return dataclasses.replace(found, method=failed.method)
+            return dataclasses.replace(found, method=failed.method, timing=timing)
         if found.solved:
             solved = again(found)
             if not solved.solved and solved.status is not SolverOutcome.UNBOUNDED:
                 solved = replayed(found, tolerance)
             message = f"from restart {tried} ({what}): {solved.message}"
-            return dataclasses.replace(solved, message=message, timing=solved.timing + failed.timing)
+            return dataclasses.replace(solved, message=message, timing=timing + solved.timing)
         if found.status is SolverOutcome.NO_FEASIBLE_POINT:
             words = words or found.message
         else:
             feasible = feasible or not _violated(found)
+    failed = dataclasses.replace(failed, timing=timing)
     if feasible or not tried:
         return failed
     message = f"none found from {1 + tried} starts; {words or failed.message}"

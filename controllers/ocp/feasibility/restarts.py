@@ -25,7 +25,7 @@ from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.interfaces.signals import Array
 
-_COUNT, _SEED = 12, 0
+_SEED = 0
 _NODES, _POINTS = 21, 3
 _ITERATIONS, _SECONDS = 300, 5.0  # of a restart
 _VIOLATED = 1e-4  # scaled, from which on a last iterate is not feasible
@@ -48,7 +48,7 @@ def with_restarts(
         guess: the first guess.
         parameters: (np,) values of the problem's parameters.
         tolerance: of the replay of a restart's solution with which the method itself cannot go on.
-        options: solver; its ``seconds`` of CPU time end the restarts too.
+        options: solver, and the number of restarts; its ``seconds`` of CPU time end these too.
 
     Returns:
         The first solution. Where every start ends at a stationary point of the constraints, NO_FEASIBLE_POINT with
@@ -65,12 +65,12 @@ def with_restarts(
     own = problem.guess if guess is None else _sampled(guess)
     words = failed.message if failed.status is SolverOutcome.NO_FEASIBLE_POINT else ""
     tried, timing = 0, failed.timing
-    for what, start in starts(problem, own, parameters, _COUNT, np.random.default_rng(_SEED)):
+    for what, start in starts(problem, own, parameters, options.restarts, np.random.default_rng(_SEED)):
         left = options.seconds - (time.process_time() - began)
         if left <= 0.0:
             break
         limits = {"iterations": min(options.iterations, _ITERATIONS), "seconds": min(left, _SECONDS)}
-        own_options = dataclasses.replace(options, backend="ipopt", warm=False, **limits)
+        own_options = dataclasses.replace(options, backend="ipopt", warm=False, log=None, **limits)
         made = transcription(problem, RadauIIA(_POINTS), _NODES, FIXED, own_options)
         found = made.solve(start, uniform(_NODES), parameters, explained=not words)
         tried, timing = tried + 1, timing + found.timing

@@ -40,6 +40,8 @@ def starts(
         np.where(np.isfinite(side), side, sign * reach)
         for side, sign in zip(problem.control_bounds, (-1.0, 1.0), strict=True)
     )
+    if not count:
+        return
     box = pinned(problem, p, "start")
     start = np.clip(states[0], box.lower, box.upper)
 

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.backend import Options
 from mathnavi.controllers.ocp.feasibility.certificate import affinely_infeasible
 from mathnavi.controllers.ocp.feasibility.enclosure import infeasible_by_enclosure
 from mathnavi.controllers.ocp.feasibility.intervals import enclosed
@@ -121,6 +122,14 @@ def test_a_simulation_for_a_restart_follows_the_dynamics() -> None:
     u = guess.controls[0, 0]
     assert name == "constant controls"
     np.testing.assert_allclose(guess.states[:, 0], u * (1.0 - np.cos(4.0 * guess.times)), atol=1e-6)
+
+
+def test_the_number_of_restarts_is_the_callers() -> None:
+    found = valve().solve(9, options=Options(restarts=1))  # the controls of 0, simulated
+    assert found.status is SolverOutcome.NO_FEASIBLE_POINT
+    assert found.message == "none found from 2 starts; end of x (violated by 1): cannot hold with start of x"
+    at_once = valve().solve(9, options=Options(restarts=0))
+    assert at_once.message == "end of x (violated by 1): cannot hold with start of x"
 
 
 def test_a_solve_that_succeeds_is_not_restarted() -> None:

@@ -25,13 +25,15 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import linprog
 
+from mathnavi.controllers.ocp.feasibility.intervals import enclosed, point
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.interfaces.signals import Array, Integers
 
 _SMALL = 1e-6  # multipliers below this share of the largest are left out
 _ROUNDING = 1e-9  # share of the largest slope that a control or a state without limits may have
-_STEPS = 2  # of the integration between two points, at least
+_STEPS, _MOST_STEPS = 2, 1000  # of the integration between two points
+_PIECES, _VARIATION = 400, 0.05  # parts of [0, T], and what affine rows may vary within one, over their largest value
 _SHARE = 0.01  # of the elastic violation that φ exceeds
 _QUADRATURE = 1e-4  # share of the parts of φ that their integration may be wrong by
 
@@ -49,7 +51,8 @@ def affinely_infeasible(elastic: Solution, violation: float) -> bool:
     chosen = _chosen(elastic)
     if chosen is None:
         return False
-    value, size = _least(problem, elastic, chosen)
+    with np.errstate(all="ignore"):
+        value, size = _least(problem, elastic, chosen)
     return bool(value > max(_SHARE * violation, _QUADRATURE * size))
 
 
@@ -62,6 +65,8 @@ class _Shape(NamedTuple):
     final: tuple[bool, ...]  # ns
     mixed: tuple[bool, ...]  # nd, True if it depends on a control
     jacobians: ca.Function  # (x, u, t, p) -> f, f_x, f_u, d, d_x, d_u
+    column: ca.Function  # the same values below each other
+    timed: tuple[bool, ...]  # nx + nd, True for rows of f and d that depend on t
     ends: ca.Function  # (x, T, p) -> s, s_x
     starts: ca.Function  # (x, p) -> i, i_x
 
@@ -84,6 +89,8 @@ def _shape(problem: ProblemFunctions) -> _Shape:
         affine(final, x),
         tuple(ca.which_depends(d, u, 1, True)) if d.numel() and u.numel() else (False,) * d.numel(),
         ca.Function("along", [x, u, t, p], along),
+        ca.Function("column", [x, u, t, p], [ca.vertcat(*(ca.vec(each) for each in along))]),
+        tuple(ca.which_depends(ca.vertcat(f, d), t, 1, True)),
         ca.Function("ends", [x, t, p], [ca.densify(final), ca.densify(ca.jacobian(final, x))]),
         ca.Function("starts", [x, p], [ca.densify(initial), ca.densify(ca.jacobian(initial, x))]),
     )
@@ -122,7 +129,8 @@ def _chosen(elastic: Solution) -> _Chosen | None:
         return None
     if any(use and not is_affine for use, is_affine in zip(used_final, shape.final, strict=True)):
         return None
-    if not _closed(problem, shape, used_final, used_path, (parts[2] != 0.0).any(axis=0)):
+    involved = _involved(problem, used_final, used_path, (parts[2] != 0.0).any(axis=0))
+    if not all(shape.dynamics[i] for i in involved) or not _resolved(elastic, [*involved], np.flatnonzero(used_path)):
         return None
     mixed = np.array(shape.mixed, bool)
     parts[4] = np.where(mixed, parts[4] / np.where(own, shares, 1.0)[:, None], parts[4])
@@ -131,8 +139,8 @@ def _chosen(elastic: Solution) -> _Chosen | None:
     return _Chosen(parts[0], parts[1], elastic.point_times.ravel()[own][order], shares[own][order], *along)
 
 
-def _closed(problem: ProblemFunctions, shape: _Shape, final: Array, path: Array, states: Array) -> bool:
-    """True if the dynamics of all states that λ comes to are affine."""
+def _involved(problem: ProblemFunctions, final: Array, path: Array, states: Array) -> set[int]:
+    """Indices of all states that λ comes to."""
     involved = set(np.flatnonzero(states).tolist())
     for used, pattern in ((final, problem.final), (path, problem.path)):
         rows, columns = pattern.jac_sparsity(0, 0).get_triplet()
@@ -141,8 +149,27 @@ def _closed(problem: ProblemFunctions, shape: _Shape, final: Array, path: Array,
     while True:
         following = involved | {column for row, column in zip(rows, columns, strict=True) if row in involved}
         if following == involved:
-            return all(shape.dynamics[i] for i in involved)
+            return involved
         involved = following
+
+
+def _resolved(elastic: Solution, states: list[int], path: Integers) -> bool:
+    """True if what rows of f and d vary with time shows in the steps of an integration: no pulse is passed over."""
+    problem, shape = elastic.problem, _shape(elastic.problem)
+    nx, nu, nd = problem.nx, problem.nu, len(problem.path_names)
+    rows = [i for i in (*states, *(nx + path)) if shape.timed[i]]
+    if not rows:
+        return True
+    edges = np.linspace(0.0, elastic.duration, _PIECES + 1)[None, :]
+    fixed = (problem.guess_states[0], problem.guess_controls[0])
+    boxes = [point(each, _PIECES) for each in fixed]
+    boxes += [Interval(edges[:, :-1], edges[:, 1:]), point(elastic.parameters, _PIECES)]
+    lower, upper = enclosed(shape.column, boxes)
+    of_f, of_d = np.arange(nx), nx + np.arange(nd)
+    owner = np.concatenate([np.tile(of_f, 1 + nx + nu), np.tile(of_d, 1 + nx + nu)])  # row of each value, by columns
+    own = np.isin(owner, rows)
+    largest = np.maximum(np.abs(lower), np.abs(upper))[own].max(axis=1)
+    return bool(((upper - lower)[own] <= _VARIATION * largest[:, None]).all())
 
 
 def _least(problem: ProblemFunctions, elastic: Solution, chosen: _Chosen) -> tuple[float, float]:
@@ -152,7 +179,7 @@ def _least(problem: ProblemFunctions, elastic: Solution, chosen: _Chosen) -> tup
     s, s_x = (np.array(each.full()) for each in shape.ends(x_0, T, p))
     lam = s_x.T @ chosen.final
     phi = float(chosen.final @ (s[:, 0] - s_x @ x_0 - chosen.final_limits))
-    size, mixed, along = abs(phi), np.array(shape.mixed, bool), _Affine(shape, x_0, u_0, p)
+    size, mixed, along = abs(phi), np.array(shape.mixed, bool), _Affine(shape, x_0, u_0, p, problem.control_scale)
     cells = np.concatenate([[0.0], np.cumsum(chosen.shares)])  # a density holds where its point stands for the time
     cells *= T / cells[-1]
     stops = np.unique(np.clip(np.concatenate([cells, chosen.times]), 0.0, T))[::-1]
@@ -173,15 +200,14 @@ def _least(problem: ProblemFunctions, elastic: Solution, chosen: _Chosen) -> tup
 class _Affine:
     """x' = A x + B u + c and d = D_x x + D_u u + d_0 as functions of time."""
 
-    def __init__(self, shape: _Shape, x_0: Array, u_0: Array, p: Array) -> None:
-        self._jacobians, self._x, self._u, self._p = shape.jacobians, x_0, u_0, p
+    def __init__(self, shape: _Shape, x_0: Array, u_0: Array, p: Array, scale: Array) -> None:
+        self._jacobians, self._x, self._u, self._p, self._scale = shape.jacobians, x_0, u_0, p, scale
 
     def _values(self, t: float) -> tuple[Array, ...]:
         """A, B, c, D_x, D_u, d_0 at a time [s]; 0 where a row is not finite, for it is not among those that count."""
-        with np.errstate(invalid="ignore"):
-            found = [np.array(each.full()) for each in self._jacobians(self._x, self._u, t, self._p)]
-            f, A, B, d, D_x, D_u = (np.where(np.isfinite(each), each, 0.0) for each in found)
-            c, d_0 = f[:, 0] - A @ self._x - B @ self._u, d[:, 0] - D_x @ self._x - D_u @ self._u
+        found = [np.array(each.full()) for each in self._jacobians(self._x, self._u, t, self._p)]
+        f, A, B, d, D_x, D_u = (np.where(np.isfinite(each), each, 0.0) for each in found)
+        c, d_0 = f[:, 0] - A @ self._x - B @ self._u, d[:, 0] - D_x @ self._x - D_u @ self._u
         return A, B, c, D_x, D_u, d_0
 
     def at(self, t: float, m: Array, limits: Array) -> tuple[float, Array]:
@@ -194,13 +220,16 @@ class _Affine:
     ) -> tuple[Array, float, float]:
         """λ (nx,) from t_1 back to t_0 [s], what φ gains, and the size of it, by Runge-Kutta's method."""
         A = self._values(t_1)[0]
-        steps = int(np.ceil(_STEPS + 4.0 * float(np.abs(A).sum(axis=1).max(initial=0.0)) * (t_1 - t_0)))
+        steps = _STEPS + 4.0 * float(np.abs(A).sum(axis=1).max(initial=0.0)) * (t_1 - t_0)
+        if not steps <= _MOST_STEPS:
+            return np.full_like(lam, np.nan), np.nan, np.nan
+        steps = int(np.ceil(steps))
         h, gained, size = (t_1 - t_0) / steps, 0.0, 0.0
 
         def slopes(at: tuple[Array, ...], y: Array) -> tuple[Array, float, float]:
             A, B, c, D_x, D_u, d_0 = at
             constant = float(y @ c + pi @ (d_0 - limits))
-            least = _least_product(B.T @ y + D_u.T @ pi, bounds)
+            least = _least_product(B.T @ y + D_u.T @ pi, bounds, self._scale)
             return A.T @ y + D_x.T @ pi, constant + least, abs(constant) + abs(least)
 
         at_end = self._values(t_1)
@@ -218,23 +247,28 @@ class _Affine:
         return lam, gained, size
 
 
-def _least_product(slope: Array, bounds: Interval) -> float:
+def _least_product(slope: Array, bounds: Interval, scale: Array) -> float:
     """min slope'v over v within bounds; a slope that is 0 but for rounding has none."""
-    slope = np.where(np.abs(slope) <= _ROUNDING * np.abs(slope).max(initial=0.0), 0.0, slope)
-    with np.errstate(invalid="ignore"):
-        products = np.where(slope > 0.0, slope * bounds.lower, slope * bounds.upper)
+    slope = _without_rounding(slope, scale)
+    products = np.where(slope > 0.0, slope * bounds.lower, slope * bounds.upper)
     return float(np.where(slope == 0.0, 0.0, products).sum())
+
+
+def _without_rounding(slope: Array, scale: Array) -> Array:
+    """Slopes, 0 where they are small for variables of these scales."""
+    sizes = np.abs(slope) * scale
+    return np.where(sizes <= _ROUNDING * sizes.max(initial=0.0), 0.0, slope)
 
 
 def _least_start(problem: ProblemFunctions, shape: _Shape, lam: Array, p: Array) -> float:
     """min λ'x(0) under the affine conditions at the start and the bounds of the states; -inf where there is none."""
-    lam = np.where(np.abs(lam) <= _ROUNDING * np.abs(lam).max(initial=0.0), 0.0, lam)
     x_0 = problem.guess_states[0]
     i, i_x = (np.array(each.full()) for each in shape.starts(x_0, p))
     own: Integers = np.flatnonzero(np.array(shape.initial, bool) & np.isfinite(i_x).all(axis=1) & np.isfinite(i[:, 0]))
     offsets = i[own, 0] - i_x[own] @ x_0
     lower, upper = (side[own] - offsets for side in problem.initial_bounds)
     scale = problem.state_scale
+    lam = _without_rounding(lam, scale)
     rows = i_x[own] * scale
     equal = lower == upper
     unequal = [(sign * rows[~equal], sign * side[~equal]) for sign, side in ((1.0, upper), (-1.0, lower))]

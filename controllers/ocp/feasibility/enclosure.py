@@ -1,13 +1,14 @@
 """Proof by enclosure that a problem has no feasible point: its ends, and what can be reached from its start.
 
-A box of states that holds all feasible x(t) is carried along by the differential inequalities of Müller,
+Boxes [l, h] of states hold all feasible x(t). Over a step from t to t + d a box Y with [l, h] + [0, d] f(Y) within Y
+holds them on the way (Picard), and by the differential inequalities of Müller
 
-    l_i' = min f_i(x, u, t; p)  over  l <= x <= h, x_i = l_i, u in U,        h_i' = max f_i  over  x_i = h_i,
+    l_i(t + d) = l_i + d min f_i(x, u, s; p)  over  x in Y, x_i near l_i, u in U, t <= s <= t + d,
 
-with interval arithmetic for the extrema (see ``intervals``) and within the bounds of the states. It begins at the
-values that the start pins. Where no x(T) of the box meets the conditions at the end, or a constraint holds nowhere in
-it, no trajectory is feasible, whatever the transcription. The other way round nothing follows: the box may be larger
-than what can be reached.
+and h_i likewise, with interval arithmetic for the extrema (see ``intervals``) and within the bounds of the states. They
+begin at the values that the start pins. Where no x(T) of the box meets the conditions at the end, or a constraint holds
+nowhere in it, no trajectory is feasible, whatever the transcription. The other way round nothing follows: a box may be
+larger than what can be reached.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ from mathnavi.controllers.ocp.feasibility.labels import limited, with_place
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval, ProblemFunctions
 from mathnavi.interfaces.signals import Array
 
-_STEPS = 50  # of the box over the longest duration; twice as many show the error of the integration
+_STEPS = 200  # of the box over the longest duration
+_PICARD = 6  # tries of a box that holds the states over a step; the last has no limits
+_ROOM = 0.25  # of a try, over the size of the step
 _ROUNDING = 1e-9  # relative: what is violated by less may hold
-_SAFETY = 4.0  # times the difference of both integrations
 _MOST = 6  # conditions that are named
 
 
@@ -178,72 +180,87 @@ def _range(lower: float, upper: float) -> str:
     return f"at least {lower:.4g}" if upper == np.inf else f"between {lower:.4g} and {upper:.4g}"
 
 
+class _Tube(NamedTuple):
+    """Boxes that hold all feasible states: (nx, n + 1) at times, (nx, n) from each time to the next."""
+
+    times: Array  # (n + 1,) [s]
+    at: Interval
+    between: Interval
+
+
 def out_of_reach(problem: ProblemFunctions, p: Array) -> Proof | None:
     """The first condition that no trajectory from the start can meet; None where the box does not show it.
 
     Also None where the final time is free without a limit that was stated.
     """
-    longest = problem.duration_bounds[1]
-    if longest >= DURATION_LIMITS[1] or not problem.nx:
+    if problem.duration_bounds[1] >= DURATION_LIMITS[1] or not problem.nx:
         return None
-    start = pinned(problem, p, "start")
-    fine, coarse = (_tube(problem, p, start, longest, many) for many in (2 * _STEPS, _STEPS))
-    with np.errstate(invalid="ignore"):
-        error = _SAFETY * np.maximum(*(np.abs(a[:, ::2] - b) for a, b in zip(fine, coarse, strict=True)))
-    room = np.where(np.isfinite(error), error, 0.0).max(axis=1, initial=0.0)[:, None]
-    room += _ROUNDING * np.maximum(1.0, problem.state_scale[:, None])
-    tube = Interval(coarse.lower - room, coarse.upper + room)
-    times = np.linspace(0.0, longest, _STEPS + 1)
-    return _on_the_way(problem, p, tube, times) or _at_the_end(problem, p, tube, times)
+    tube = _tube(problem, p)
+    return _on_the_way(problem, p, tube) or _at_the_end(problem, p, tube)
 
 
-def _tube(problem: ProblemFunctions, p: Array, start: Interval, longest: float, steps: int) -> Interval:
-    """Boxes (nx, steps + 1) from a start (nx,) over a time [s], by Heun's method."""
-    nx, step = problem.nx, longest / steps
-    bounds, faces = problem.state_bounds, np.arange(problem.nx)
-    inputs, known = whole(problem.control_bounds, 2 * nx), point(p, 2 * nx)
-
-    def slopes(lower: Array, upper: Array, t: float) -> tuple[Array, Array]:
-        least, most = np.maximum(lower, bounds.lower), np.minimum(upper, bounds.upper)
-        least, most = np.minimum(least, most), np.maximum(least, most)  # beyond a bound nothing is feasible
-        box = Interval(np.tile(least[:, None], (1, 2 * nx)), np.tile(most[:, None], (1, 2 * nx)))
-        box.upper[faces, faces], box.lower[faces, nx + faces] = least, most
-        rates = enclosed(problem.dynamics, (box, inputs, point(t, 2 * nx), known))
-        falling, rising = rates.lower[faces, faces], rates.upper[faces, nx + faces]
-        falling = np.where(lower <= bounds.lower, np.maximum(falling, 0.0), falling)
-        rising = np.where(upper >= bounds.upper, np.minimum(rising, 0.0), rising)
-        return falling, rising
-
-    ends = [start]
+def _tube(problem: ProblemFunctions, p: Array) -> _Tube:
+    """Boxes from the start on; empty ones, lower > upper, from where no state is within its bounds."""
+    nx, bounds, step = problem.nx, problem.state_bounds, problem.duration_bounds[1] / _STEPS
+    faces, known, inputs = np.arange(nx), point(p, 2 * nx), whole(problem.control_bounds, 2 * nx)
+    single = Interval(known.lower[:, :1], known.upper[:, :1]), Interval(inputs.lower[:, :1], inputs.upper[:, :1])
+    box = pinned(problem, p, "start")
+    at, between, rates = [box], list[Interval](), Interval(np.zeros(nx), np.zeros(nx))
     with np.errstate(all="ignore"):
-        for k in range(steps):
-            lower, upper = ends[-1]
-            t = k * step
-            first = slopes(lower, upper, t)
-            second = slopes(lower + step * first[0], upper + step * first[1], t + step)
-            lower = lower + 0.5 * step * (first[0] + second[0])
-            upper = upper + 0.5 * step * (first[1] + second[1])
-            lower = np.where(np.isfinite(lower), lower, -np.inf)
-            ends.append(Interval(lower, np.where(np.isfinite(upper), upper, np.inf)))
-    return Interval(np.array([each.lower for each in ends]).T, np.array([each.upper for each in ends]).T)
+        for k in range(_STEPS):
+            t = Interval(np.full((1, 2 * nx), k * step), np.full((1, 2 * nx), (k + 1) * step))
+            for tried in range(_PICARD):
+                way = _grown(box, rates, step, room=_ROOM if tried < _PICARD - 1 else np.inf, bounds=bounds)
+                found = enclosed(
+                    problem.dynamics, (whole(way), single[1], Interval(t.lower[:, :1], t.upper[:, :1]), single[0])
+                )
+                rates = Interval(found.lower[:, 0], found.upper[:, 0])
+                needed = _grown(box, rates, step, room=0.0, bounds=bounds)
+                if (needed.lower >= way.lower).all() and (needed.upper <= way.upper).all():
+                    break
+            near = whole(way, 2 * nx)  # faces: x_i about l_i, then about h_i
+            near.lower[faces, faces] = box.lower + step * np.minimum(rates.lower, 0.0)
+            near.upper[faces, faces] = box.lower + step * np.maximum(rates.upper, 0.0)
+            near.lower[faces, nx + faces] = box.upper + step * np.minimum(rates.lower, 0.0)
+            near.upper[faces, nx + faces] = box.upper + step * np.maximum(rates.upper, 0.0)
+            found = enclosed(problem.dynamics, (near, inputs, t, known))
+            lower = box.lower + step * np.maximum(found.lower[faces, faces], rates.lower)
+            upper = box.upper + step * np.minimum(found.upper[faces, nx + faces], rates.upper)
+            lower, upper = np.where(np.isnan(lower), -np.inf, lower), np.where(np.isnan(upper), np.inf, upper)
+            between.append(way)
+            at.append(Interval(lower, upper))
+            box = Interval(np.maximum(lower, bounds.lower), np.minimum(upper, bounds.upper))
+            if (box.lower > box.upper).any():
+                break
+    ends, ways = (
+        Interval(np.array([each.lower for each in of]).T, np.array([each.upper for each in of]).T)
+        for of in (at, between)
+    )
+    return _Tube(step * np.arange(len(at)), ends, ways)
 
 
-def _on_the_way(problem: ProblemFunctions, p: Array, tube: Interval, times: Array) -> Proof | None:
+def _grown(box: Interval, rates: Interval, step: float, *, room: float, bounds: Interval) -> Interval:
+    """The box (nx,) and what it comes to within a step at rates (nx,), with some room, within bounds (nx,)."""
+    lower, upper = box.lower + step * np.minimum(rates.lower, 0.0), box.upper + step * np.maximum(rates.upper, 0.0)
+    more = room * (box.lower - lower + upper - box.upper) + (room and _ROUNDING * (1.0 + np.abs(box.upper)))
+    more = np.where(np.isnan(more), np.inf, more)
+    return Interval(np.maximum(lower - more, bounds.lower), np.minimum(upper + more, bounds.upper))
+
+
+def _on_the_way(problem: ProblemFunctions, p: Array, tube: _Tube) -> Proof | None:
     """A bound or a path constraint that holds nowhere in the box at a time that every trajectory comes to."""
-    shortest = problem.duration_bounds[0]
-    bounds, many = problem.state_bounds, times <= shortest
-    left = _outside(tube, bounds) & many
+    bounds, many = problem.state_bounds, tube.times <= problem.duration_bounds[0] * (1.0 + _ROUNDING)
+    left = _outside(tube.at, bounds) & many
     if left.any():
         k = int(left.any(axis=0).argmax())
         i = int(left[:, k].argmax())
         bound = _limit_text(problem.states[i], bounds.lower[i], bounds.upper[i])
-        shown = _range(float(tube.lower[i, k]), float(tube.upper[i, k]))
-        return Proof(f"{bound}: cannot hold", f"{problem.states[i]} is {shown} at t = {times[k]:.4g} s")
+        shown = _range(float(tube.at.lower[i, k]), float(tube.at.upper[i, k]))
+        return Proof(f"{bound}: cannot hold", f"{problem.states[i]} is {shown} at t = {tube.times[k]:.4g} s")
     if len(problem.path_names):
         n = int(many.sum())
-        states = _within(Interval(tube.lower[:, :n], tube.upper[:, :n]), bounds)
-        at = Interval(times[None, :n], times[None, :n])
-        boxes = (states, whole(problem.control_bounds, n), at, point(p, n))
+        states = _within(Interval(tube.at.lower[:, :n], tube.at.upper[:, :n]), bounds)
+        boxes = (states, whole(problem.control_bounds, n), Interval(*(tube.times[None, :n],) * 2), point(p, n))
         values = enclosed(problem.path, boxes)
         broken = _outside(values, problem.path_bounds)
         if broken.any():
@@ -251,29 +268,28 @@ def _on_the_way(problem: ProblemFunctions, p: Array, tube: Interval, times: Arra
             row = int(broken[:, k].argmax())
             text = limited(problem.path_names, *problem.path_bounds)[row]
             shown = _range(float(values.lower[row, k]), float(values.upper[row, k]))
-            return Proof(f"path: {text}: cannot hold", f"it is {shown} at t = {times[k]:.4g} s")
+            return Proof(f"path: {text}: cannot hold", f"it is {shown} at t = {tube.times[k]:.4g} s")
     return None
 
 
-def _at_the_end(problem: ProblemFunctions, p: Array, tube: Interval, times: Array) -> Proof | None:
+def _at_the_end(problem: ProblemFunctions, p: Array, tube: _Tube) -> Proof | None:
     """A condition at the end that the box does not meet at any duration within its limits."""
     shortest, longest = problem.duration_bounds
     target = pinned(problem, p, "end")
-    if problem.free_duration:  # what a trajectory comes through between two times is in the hull of their boxes
-        own = times[1:] >= shortest
-        lower = np.minimum(tube.lower[:, 1:], tube.lower[:, :-1])[:, own]
-        upper = np.maximum(tube.upper[:, 1:], tube.upper[:, :-1])[:, own]
-        ends = Interval(times[:-1][own][None], times[1:][own][None])
+    if problem.free_duration:
+        own = tube.times[1:] >= shortest
+        reached = Interval(tube.between.lower[:, own], tube.between.upper[:, own])
+        ends = Interval(tube.times[None, :-1][:, own], tube.times[None, 1:][:, own])
     else:
-        lower, upper, ends = tube.lower[:, -1:], tube.upper[:, -1:], point(longest)
-    n, reached = lower.shape[1], Interval(lower, upper)
+        reached, ends = Interval(tube.at.lower[:, -1:], tube.at.upper[:, -1:]), point(longest)
+    n = reached.lower.shape[1]
     apart = _outside(reached, target)
     for i in np.flatnonzero(apart.all(axis=1)):
         name = _pins(problem, "end", [int(i)])
         if name == "the end":
             name = _limit_text(problem.states[i], problem.state_bounds.lower[i], problem.state_bounds.upper[i])
         where = f"within {longest:.4g} s" if problem.free_duration else f"at T = {longest:.4g} s"
-        shown = _range(float(lower[i].min()), float(upper[i].max()))
+        shown = _range(float(reached.lower[i].min()), float(reached.upper[i].max()))
         return Proof(f"{name}: cannot hold", f"{problem.states[i]} is {shown} {where}")
     if len(problem.final_names):
         boxes = (_within(reached, target), ends, point(p, n))

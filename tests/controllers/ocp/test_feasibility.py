@@ -59,7 +59,7 @@ INFEASIBLE = [
     (sledge(0.3, 2.0, wall=0.2), "end of x (violated by 0.1): cannot hold with path: wall <= 0.2"),
     (sledge(0.1, 1.0, speed=2.0), "end of v (violated by 1)"),
     (swing(1.8, 2.0), "end of x (violated by 0.38): cannot hold with "),  # only the adjoint shows it: 1 - cos 2 = 1.42
-    (sideways(distance=9.0, seconds=6.0), "from the start y is between -5.43"),  # 7 - π/2
+    (sideways(distance=9.0, seconds=6.0), "from the start y is between -5.4"),  # 7 - π/2 = 5.43
     (one_way(), "end of x"),
     (round_a_disc(start=2.5), "start of p[0]; start of p[1]: cannot hold with path: 1 <= disc, which is 0.25 there"),
     (round_a_disc(end=2.0), "end of p[0]; end of p[1]: cannot hold with path: 1 <= disc, which is 0 there"),
@@ -77,6 +77,20 @@ def test_infeasible_is_a_proof_that_names_the_constraint(ocp: OptimalControlProb
 def test_nodes_that_are_too_few_for_a_switch_prove_nothing(T: float) -> None:
     assert solve(sledge(1.0, T, speed=0.0).functions(), 4).status is SolverOutcome.NO_FEASIBLE_POINT
     assert solve(sledge(1.0, 1.998, speed=0.0).functions(), 4).status is SolverOutcome.INFEASIBLE
+
+
+@pytest.mark.parametrize(("width", "end", "infeasible"), [(1e-4, 2.5, False), (0.3, 2.5, False), (0.3, 3.5, True)])
+def test_a_push_between_two_nodes_is_not_passed_over(width: float, end: float, infeasible: bool) -> None:
+    ocp = OptimalControlProblem("push")
+    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    push = 2.0 / width * ca.exp(-np.pi * ((ocp.t - 0.4137) / width) ** 2)  # carries x by 2, and u by 1 more
+    ocp.dynamics(x, u + push)
+    ocp.start(x, 0.0)
+    ocp.end(x, end)
+    found = ocp.solve(5, options=Options(restarts=0))
+    assert (found.status is SolverOutcome.INFEASIBLE) is infeasible
 
 
 def test_what_an_oscillator_just_reaches_is_not_proved_to_be_out_of_reach() -> None:

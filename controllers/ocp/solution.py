@@ -149,6 +149,10 @@ class Solution:
         """True if this is a solution of the transcribed programme, regardless of its accuracy."""
         return self.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.REFUSED)
 
+    def solves(self, problem: ProblemFunctions, parameters: Array) -> bool:
+        """True if this is a solution of a programme of this problem for these parameters (np,)."""
+        return self.solved and self.problem is problem and bool(np.array_equal(self.parameters, parameters))
+
     @property
     def headline(self) -> str:
         """One line: the problem, J and T and, if it is not a solution, the reason."""

@@ -21,7 +21,7 @@ from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, const
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
 from mathnavi.controllers.ocp.feasibility.certificate import affinely_infeasible
 from mathnavi.controllers.ocp.feasibility.elastic import contradiction
-from mathnavi.controllers.ocp.feasibility.enclosure import infeasible_by_enclosure
+from mathnavi.controllers.ocp.feasibility.proof import proved
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths
 from mathnavi.controllers.ocp.layout import bounded_controls, control_variations, fractions_between, mixed_constraints
 from mathnavi.controllers.ocp.multipliers import NamedValues
@@ -132,10 +132,8 @@ class Transcription:
         found = self._read(answer, where, p, known, shares, cost)
         if answer.status is SolverOutcome.NO_FEASIBLE_POINT and arcs is None and explained:
             found = self._examined(found, answer, known)
-        if found.status in _MAY_BE_INFEASIBLE and (proof := infeasible_by_enclosure(self.problem, p)):
-            named = proof.reached and found.message != answer.message  # by the elastic programme
-            why = f"{found.message}; from the start {proof.reached}" if named else str(proof)
-            found = dataclasses.replace(found, status=SolverOutcome.INFEASIBLE, message=why)
+        if found.status in _MAY_BE_INFEASIBLE and not (isinstance(guess, Solution) and guess.solves(self.problem, p)):
+            found = proved(found, named=found.message != answer.message)
         if smoothing.any():  # it is no part of J
             u = found.u / self.problem.control_scale
             added = float((control_variations(self.scheme, u) * smoothing).sum())

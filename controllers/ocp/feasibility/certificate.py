@@ -33,6 +33,7 @@ from mathnavi.interfaces.signals import Array, Integers
 _SMALL = 1e-6  # multipliers below this share of the largest are left out
 _ROUNDING = 1e-9  # share of the largest slope that a control or a state without limits may have
 _STEPS, _MOST_STEPS = 2, 1000  # of the integration between two points
+_NO_POINT = 2  # status of a linear programme that is infeasible
 _PIECES, _VARIATION = 400, 0.05  # parts of [0, T], and what affine rows may vary within one, over their largest value
 _SHARE = 0.01  # of the elastic violation that φ exceeds
 _QUADRATURE = 1e-4  # share of the parts of φ that their integration may be wrong by
@@ -46,7 +47,11 @@ def affinely_infeasible(elastic: Solution, violation: float) -> bool:
         violation: weighted sum of the violations there, > 0.
     """
     problem = elastic.problem
-    if problem.free_duration or not problem.nx:
+    if not problem.nx:
+        return False
+    if _least_start(problem, _shape(problem), np.zeros(problem.nx), elastic.parameters) == np.inf:
+        return True
+    if problem.free_duration:
         return False
     chosen = _chosen(elastic)
     if chosen is None:
@@ -261,7 +266,10 @@ def _without_rounding(slope: Array, scale: Array) -> Array:
 
 
 def _least_start(problem: ProblemFunctions, shape: _Shape, lam: Array, p: Array) -> float:
-    """min λ'x(0) under the affine conditions at the start and the bounds of the states; -inf where there is none."""
+    """min λ'x(0) under the affine conditions at the start and the bounds of the states.
+
+    -inf where nothing bounds it, and inf where no x(0) meets all of them.
+    """
     x_0 = problem.guess_states[0]
     i, i_x = (np.array(each.full()) for each in shape.starts(x_0, p))
     own: Integers = np.flatnonzero(np.array(shape.initial, bool) & np.isfinite(i_x).all(axis=1) & np.isfinite(i[:, 0]))
@@ -278,4 +286,4 @@ def _least_start(problem: ProblemFunctions, shape: _Shape, lam: Array, p: Array)
         lam * scale, A_ub=A_ub[finite], b_ub=b_ub[finite], A_eq=rows[equal], b_eq=lower[equal],
         bounds=np.column_stack([side / scale for side in problem.state_bounds]), method="highs",
     )  # fmt: skip
-    return float(found.fun) if found.status == 0 else -np.inf
+    return float(found.fun) if found.status == 0 else np.inf if found.status == _NO_POINT else -np.inf

@@ -138,6 +138,18 @@ def test_a_simulation_for_a_restart_follows_the_dynamics() -> None:
     np.testing.assert_allclose(guess.states[:, 0], u * (1.0 - np.cos(4.0 * guess.times)), atol=1e-6)
 
 
+def test_conditions_at_the_start_that_contradict_each_other_are_proved_and_named() -> None:
+    ocp = OptimalControlProblem("start")
+    x, y, u = ocp.state("x", upper=1.0), ocp.state("y"), ocp.control("u")
+    ocp.minimise(terminal=ocp.free_duration(guess=1.0, lower=0.1, upper=2.0))
+    ocp.dynamics(ca.vertcat(x, y), ca.vertcat(ca.sin(y), u))
+    ocp.start_constraint(x + y >= 2.0)
+    ocp.start_constraint(x - y >= 2.0)
+    found = ocp.solve(5)
+    assert found.status is SolverOutcome.INFEASIBLE
+    assert found.message.endswith("cannot hold with x <= 1")
+
+
 def test_the_number_of_restarts_is_the_callers() -> None:
     found = valve().solve(9, options=Options(restarts=1))  # the controls of 0, simulated
     assert found.status is SolverOutcome.NO_FEASIBLE_POINT

@@ -194,9 +194,10 @@ def _least(problem: ProblemFunctions, elastic: Solution, chosen: _Chosen) -> tup
             added -= float(chosen.states[k] @ chosen.state_limits[k])
             lam, phi, size = lam + slope + chosen.states[k], phi + added, size + abs(added)
         if until < now:
-            k = min(int(np.searchsorted(cells, 0.5 * (now + until), side="right")) - 1, len(chosen.times) - 1)
-            pi = np.where(mixed, chosen.path[k], 0.0)
-            lam, gained, turned = along.back(lam, now, until, pi, chosen.path_limits[k], problem.control_bounds)
+            after = int(np.searchsorted(cells, 0.5 * (now + until), side="right"))
+            cell = min(after, len(chosen.times)) - 1
+            pi = np.where(mixed, chosen.path[cell], 0.0)
+            lam, gained, turned = along.back(lam, now, until, pi, chosen.path_limits[cell], problem.control_bounds)
             phi, size = phi + gained, size + turned
     start = _least_start(problem, shape, lam, p)
     return (phi + start, size + abs(start)) if np.isfinite(phi + start) else (-np.inf, np.inf)

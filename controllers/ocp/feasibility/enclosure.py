@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.feasibility.intervals import enclosed, point, whole
 from mathnavi.controllers.ocp.feasibility.labels import limited, with_place
@@ -77,13 +78,13 @@ def _timed(function: ca.Function) -> frozenset[int]:
     return frozenset(function.jac_sparsity(0, 1).row())
 
 
-def _outside(values: Interval, limits: Interval) -> Array:
+def _outside(values: Interval, limits: Interval) -> NDArray[np.bool_]:
     """(m, n) True where no value (m, n) of an enclosure is within limits (m,)."""
     lower, upper = (
         side[:, None] + sign * _ROUNDING * np.maximum(1.0, np.where(np.isfinite(side), np.abs(side), 0.0))[:, None]
         for side, sign in zip(limits, (-1.0, 1.0), strict=True)
     )
-    found: Array = (values.upper < lower) | (values.lower > upper)
+    found: NDArray[np.bool_] = (values.upper < lower) | (values.lower > upper)
     return found
 
 
@@ -236,7 +237,7 @@ def _tube(problem: ProblemFunctions, p: Array) -> _Tube:
         Interval(np.array([each.lower for each in of]).T, np.array([each.upper for each in of]).T)
         for of in (at, between)
     )
-    return _Tube(step * np.arange(len(at)), ends, ways)
+    return _Tube(np.linspace(0.0, step * (len(at) - 1), len(at)), ends, ways)
 
 
 def _grown(box: Interval, rates: Interval, step: float, *, room: float, bounds: Interval) -> Interval:

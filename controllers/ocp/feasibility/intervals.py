@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import erf
 
 from mathnavi.controllers.ocp.function_tape import OPERATIONS, taped
@@ -92,7 +93,7 @@ def _tape(function: ca.Function) -> list[_Step] | None:
     if arrays is None:
         return None
     rows = zip(arrays["tape"].tolist(), arrays["constants"].tolist(), strict=True)
-    return [_Step(OPERATIONS[code], *places, constant) for (code, *places), constant in rows]
+    return [_Step(OPERATIONS[row[0]], row[1], row[2], row[3], constant) for row, constant in rows]
 
 
 def _operation(name: str, a: Interval, b: Interval | None) -> tuple[Array, Array]:
@@ -145,11 +146,11 @@ def _sine(a: Interval) -> tuple[Array, Array]:
     return np.where(_contains(a, -0.5 * np.pi), -1.0, lower), np.where(_contains(a, 0.5 * np.pi), 1.0, upper)
 
 
-def _contains(a: Interval, angle: float) -> Array:
+def _contains(a: Interval, angle: float) -> NDArray[np.bool_]:
     """True where an interval contains an angle, or may by rounding, whole turns apart."""
     room = 1e-12 * (1.0 + np.abs(a.lower) + np.abs(a.upper))
     first = np.ceil((a.lower - room - angle) / (2.0 * np.pi))
-    found: Array = ~(first > np.floor((a.upper + room - angle) / (2.0 * np.pi)))  # true of NaN and infinity
+    found: NDArray[np.bool_] = ~(first > np.floor((a.upper + room - angle) / (2.0 * np.pi)))  # true of NaN and infinity
     return found
 
 

@@ -69,9 +69,11 @@ def with_restarts(
         left = options.seconds - (time.process_time() - began)
         if left <= 0.0:
             break
-        limits = {"iterations": min(options.iterations, _ITERATIONS), "seconds": min(left, _SECONDS)}
-        own_options = dataclasses.replace(options, backend="ipopt", warm=False, log=None, **limits)
-        made = transcription(problem, RadauIIA(_POINTS), _NODES, FIXED, own_options)
+        coarse = dataclasses.replace(
+            options, backend="ipopt", warm=False, log=None, seconds=min(left, _SECONDS),
+            iterations=min(options.iterations, _ITERATIONS),
+        )  # fmt: skip
+        made = transcription(problem, RadauIIA(_POINTS), _NODES, FIXED, coarse)
         found = made.solve(start, uniform(_NODES), parameters, explained=not words)
         tried, timing = tried + 1, timing + found.timing
         if found.status in (SolverOutcome.INFEASIBLE, SolverOutcome.UNBOUNDED):

@@ -52,7 +52,8 @@ def starts(
     def knots(many: int) -> Array:
         shares, at = rng.uniform(_INSIDE, 1.0 - _INSIDE, (many, problem.nu)), np.linspace(0.0, 1.0, many)
         columns = [np.interp(tau, at, column) for column in shares.T]
-        return lower + np.array(columns).T.reshape(len(tau), problem.nu) * (upper - lower)
+        values: Array = lower + np.array(columns).T.reshape(len(tau), problem.nu) * (upper - lower)
+        return values
 
     if (found := simulation(np.clip(controls, lower, upper), own.duration)) is not None:
         yield "its controls, simulated", found

@@ -174,7 +174,7 @@ def _resolved(elastic: Solution, states: list[int], path: Integers) -> bool:
     owner = np.concatenate([np.tile(of_f, 1 + nx + nu), np.tile(of_d, 1 + nx + nu)])  # row of each value, by columns
     own = np.isin(owner, rows)
     largest = np.maximum(np.abs(lower), np.abs(upper))[own].max(axis=1)
-    return bool(((upper - lower)[own] <= _VARIATION * largest[:, None]).all())
+    return bool((np.isfinite(largest)[:, None] & ((upper - lower)[own] <= _VARIATION * largest[:, None])).all())
 
 
 def _least(problem: ProblemFunctions, elastic: Solution, chosen: _Chosen) -> tuple[float, float]:
@@ -199,6 +199,8 @@ def _least(problem: ProblemFunctions, elastic: Solution, chosen: _Chosen) -> tup
             pi = np.where(mixed, chosen.path[cell], 0.0)
             lam, gained, turned = along.back(lam, now, until, pi, chosen.path_limits[cell], problem.control_bounds)
             phi, size = phi + gained, size + turned
+    if not np.isfinite(lam).all():
+        return -np.inf, np.inf
     start = _least_start(problem, shape, lam, p)
     return (phi + start, size + abs(start)) if np.isfinite(phi + start) else (-np.inf, np.inf)
 

@@ -230,9 +230,9 @@ def _tube(problem: ProblemFunctions, p: Array) -> _Tube:
             lower, upper = np.where(np.isnan(lower), -np.inf, lower), np.where(np.isnan(upper), np.inf, upper)
             between.append(way)
             at.append(Interval(lower, upper))
-            box = Interval(np.maximum(lower, bounds.lower), np.minimum(upper, bounds.upper))
-            if (box.lower > box.upper).any():
+            if _outside(Interval(lower[:, None], upper[:, None]), bounds).any():
                 break
+            box = Interval(np.clip(lower, *bounds), np.clip(upper, *bounds))
     ends, ways = (
         Interval(np.array([each.lower for each in of]).T, np.array([each.upper for each in of]).T)
         for of in (at, between)

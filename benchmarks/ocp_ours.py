@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from benchmarks.ocp_trajectory import Trajectory
-from mathnavi.controllers.ocp.methods.by_name import automatic
+from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 

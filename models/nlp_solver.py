@@ -45,11 +45,11 @@ class SolverOutcome(Enum):
 
 
 _REASONS = {  # return_status of IPOPT
-    "Infeasible_Problem_Detected": SolverOutcome.INFEASIBLE,
+    "Infeasible_Problem_Detected": SolverOutcome.NO_FEASIBLE_POINT,
     "Maximum_Iterations_Exceeded": SolverOutcome.LIMIT,
     "Maximum_CpuTime_Exceeded": SolverOutcome.LIMIT,
     "Invalid_Number_Detected": SolverOutcome.NOT_FINITE,
-    "Restoration_Failed": SolverOutcome.INFEASIBLE,
+    "Restoration_Failed": SolverOutcome.NO_FEASIBLE_POINT,
     "Diverging_Iterates": SolverOutcome.UNBOUNDED,
     "Not_Enough_Degrees_Of_Freedom": SolverOutcome.OVERDETERMINED,
 }

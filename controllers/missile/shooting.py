@@ -120,7 +120,7 @@ class Shooting:
         answer = transcribed.solver.solve(layout.join(np.hstack(z), np.hstack(w), np.empty(0)), known)
         if not answer.ok:
             reason = f"{answer.status.value} ({answer.message}) after {answer.iterations} iterations"
-            return Failed(reason, answer.status is SolverOutcome.INFEASIBLE)
+            return Failed(reason, answer.status is SolverOutcome.NO_FEASIBLE_POINT)
         states, inputs, _ = layout.split(answer.x)
         constants = nx + int(self._timed)
         nodes = guess.nodes

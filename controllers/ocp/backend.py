@@ -46,6 +46,7 @@ class Options:
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
     seconds: Positive = 600.0  # of CPU time, after which a call is ended, however many programmes it solves
+    restarts: Annotated[int, Ge(0), Le(100)] = 12  # most other guesses, where a method finds no feasible point
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
     linear_solver: LinearSolver = "mumps"  # of IPOPT; all but MUMPS and SPRAL need an additional library
     hessian: Hessian = "exact"  # of IPOPT

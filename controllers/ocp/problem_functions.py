@@ -62,6 +62,28 @@ def _less(limits: Interval, values: ca.DM) -> Interval:
     return Interval(limits.lower - shift, limits.upper - shift)
 
 
+@dataclass(frozen=True, eq=False)
+class GuessedTrajectory:
+    """A guess of a whole trajectory, straight between its times and constant beyond them."""
+
+    times: Array  # (k,) in [0, 1], fractions of T
+    states: Array  # (k, nx)
+    controls: Array  # (k, nu)
+    duration: float  # [s] T
+
+    def states_at(self, fractions: Array) -> Array:
+        """States (n, nx) at fractions (n,) of T."""
+        return self._at(self.states, fractions)
+
+    def controls_at(self, fractions: Array) -> Array:
+        """Controls (n, nu) at fractions (n,) of T."""
+        return self._at(self.controls, fractions)
+
+    def _at(self, values: Array, fractions: Array) -> Array:
+        columns = [np.interp(fractions, self.times, column) for column in values.T]
+        return np.array(columns).T.reshape(len(fractions), values.shape[1])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class InstantFunctions:
     """What is stated at m given times: functions of the states there, X (m nx,), one time after the other."""
@@ -147,6 +169,11 @@ class ProblemFunctions:
     def nu(self) -> int:
         """Number of controls."""
         return len(self.controls)
+
+    @property
+    def guess(self) -> GuessedTrajectory:
+        """The stated guess."""
+        return GuessedTrajectory(self.guess_times, self.guess_states, self.guess_controls, self.guess_duration)
 
     @property
     def free_duration(self) -> bool:

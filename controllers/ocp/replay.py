@@ -34,6 +34,8 @@ from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.crossings import not_smooth
 from mathnavi.controllers.ocp.defects import Defects, defects
+from mathnavi.controllers.ocp.diagnosis import not_finite
+from mathnavi.controllers.ocp.feasibility.enclosure import pinned
 from mathnavi.controllers.ocp.instants import instant_cost, instant_excess
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.scaling_rows import cost_scale, path_sizes
@@ -173,7 +175,16 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects 
     if known is None and len(solution.scheme.points) > 1:
         known = defects(solution)
     errors = None if known is None else np.abs(known.states).max(axis=1)
+    if not math.isfinite(found.error) and (why := _not_finite(solution)):
+        return dataclasses.replace(solution, status=SolverOutcome.NOT_FINITE, message=why)
     return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
+
+
+def _not_finite(solution: Solution) -> str:
+    """What is not finite at the nodes, in words; a scheme may not evaluate there, and rounding may keep off a pole."""
+    problem, x = solution.problem, solution.x.copy()
+    x[0] = np.clip(x[0], *pinned(problem, solution.parameters, "start"))
+    return not_finite(problem, x, solution.control(solution.t), solution.t, solution.parameters, "solution")
 
 
 def judged(solution: Solution, tolerance: float) -> Solution:

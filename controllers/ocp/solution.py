@@ -163,6 +163,10 @@ class Solution:
 
         return check_pontryagin(self) if self.solved and len(self.scheme.points) > 1 else None
 
+    def solves(self, problem: ProblemFunctions, parameters: Array) -> bool:
+        """True if this is a solution of a programme of this problem for these parameters (np,)."""
+        return self.solved and self.problem is problem and bool(np.array_equal(self.parameters, parameters))
+
     @property
     def headline(self) -> str:
         """One line: the problem, J and T and, if it is not a solution, the reason."""

@@ -18,9 +18,12 @@ from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.clocks import clocks_of, own_arcs
-from mathnavi.controllers.ocp.diagnosis import contradiction, not_finite, unbounded
+from mathnavi.controllers.ocp.diagnosis import not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.dual_solution import Answer, multipliers_of
+from mathnavi.controllers.ocp.feasibility.certificate import affinely_infeasible
+from mathnavi.controllers.ocp.feasibility.elastic import contradiction
+from mathnavi.controllers.ocp.feasibility.proof import proved
 from mathnavi.controllers.ocp.grid import Grid, check_nodes, from_widths, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import (
     bounded_controls,
@@ -31,7 +34,7 @@ from mathnavi.controllers.ocp.layout import (
 )
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, at_rows, programme
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
+from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
@@ -42,6 +45,7 @@ FIXED = Fixed()
 DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
 _AT_NODE = 1e-9  # of T, from a node that is at a given time
+_MAY_BE_INFEASIBLE = (SolverOutcome.NO_FEASIBLE_POINT, SolverOutcome.LIMIT, SolverOutcome.FAILED)
 _MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
 
 
@@ -91,34 +95,39 @@ class Transcription:
 
     def solve(
         self,
-        guess: Solution | None = None,
+        guess: Solution | GuessedTrajectory | None = None,
         grid: Grid | None = None,
         parameters: Array | None = None,
         arcs: Arcs | None = None,
+        *,
+        explained: bool = True,
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
         Args:
-            guess: another solution, on any grid and by any scheme; None for the problem's own guess.
+            guess: another solution, on any grid and by any scheme, or a trajectory; None for the problem's own guess.
             grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
             parameters: (np,) values of the problem's parameters; None for the nominal ones.
             arcs: arcs of the grid, with unknown lengths and separate bounds of the controls, as many as the
                 transcription has. None for a transcription of one arc.
+            explained: True if a programme without arcs that found no feasible point names the constraints that cannot
+                hold together.
 
         Raises:
             ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and
                 a guess with other numbers of states or controls.
         """
         p = self.problem.nominal if parameters is None else parameters
-        where = grid or (guess.grid if guess is not None else on_breaks(uniform(self.nodes), self.problem.breaks))
+        own = guess.grid if isinstance(guess, Solution) else on_breaks(uniform(self.nodes), self.problem.breaks)
+        where = grid or own
         if len(where) != self.nodes:
             raise ProblemError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
         if not isinstance(p, np.ndarray) or p.shape != self.problem.nominal.shape:
             shape = f": shape {p.shape}" if isinstance(p, np.ndarray) else f" = {p!r:.80}"
             raise ProblemError(f"parameters{shape}; allowed: {self.problem.nominal.shape}, one for each parameter")
-        if guess is not None and not isinstance(guess, Solution):
+        if guess is not None and not isinstance(guess, Solution | GuessedTrajectory):
             raise ProblemError(f"guess = {guess!r:.80}; allowed: a Solution, or None for the problem's own guess")
-        if guess is not None and (guess.problem.nx, guess.problem.nu) != (self.problem.nx, self.problem.nu):
+        if isinstance(guess, Solution) and (guess.problem.nx, guess.problem.nu) != (self.problem.nx, self.problem.nu):
             raise ProblemError(
                 f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
                 f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
@@ -126,7 +135,7 @@ class Transcription:
         if (1 if arcs is None else len(arcs)) != self._arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self._arcs} of this transcription")
         if (instant_nodes := nodes_of_instants(self.problem, where)) != self.instant_nodes:
-            return self._sibling(instant_nodes).solve(guess, where, p, arcs)
+            return self._sibling(instant_nodes).solve(guess, where, p, arcs, explained=explained)
         shares = None
         smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
         if arcs is not None and arcs.smoothing is not None:
@@ -145,21 +154,22 @@ class Transcription:
         if self._clocks and arcs is not None and bounds is not None and self._arcs > 1:
             arcs.check(where)
             self._tie(bounds, arcs, where, x_0)
-        elif self._clocks and guess is not None and not self.scheme.shared:
+        elif self._clocks and isinstance(guess, Solution) and not self.scheme.shared:
             bounds = self._as_guessed(bounds, guess, where, x_0)
         answer = self.solver.solve(x_0, known, bounds=bounds)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
-        if answer.status is SolverOutcome.INFEASIBLE and arcs is None:
-            why = contradiction(self.programme, answer.x, known)
-            answer = dataclasses.replace(answer, message=why or answer.message)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
         found = self._read(answer, where, p, known, shares, cost)
+        if answer.status is SolverOutcome.NO_FEASIBLE_POINT and arcs is None and explained:
+            found = self._examined(found, answer, known)
+        if found.status in _MAY_BE_INFEASIBLE and not (isinstance(guess, Solution) and guess.solves(self.problem, p)):
+            found = proved(found, named=found.message != answer.message)
         if smoothing.any():  # it is no part of J
             u = found.u / self.problem.control_scale
             added = float((control_variations(self.scheme, u) * smoothing).sum())
             found = dataclasses.replace(found, cost=found.cost - added)
-        if answer.status in _MAY_BE_UNBOUNDED:
+        if answer.status in _MAY_BE_UNBOUNDED and found.status is answer.status:
             u, diverged = np.concatenate(list(found.u)), answer.status is SolverOutcome.UNBOUNDED
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
@@ -178,6 +188,17 @@ class Transcription:
                 instant_nodes,
             )
         return self._siblings[instant_nodes]
+
+    def _examined(self, found: Solution, answer: SolverAnswer, known: Array) -> Solution:
+        """A solution without a feasible point with the constraints that cannot hold, INFEASIBLE if that is proved."""
+        conflict = contradiction(self.programme, answer.x, known)
+        if conflict is None:
+            return found
+        own = dataclasses.replace(answer, x=conflict.x, multipliers=conflict.multipliers)
+        elastic = self._read(own, found.grid, found.parameters, known, None, answer.cost)
+        proved = affinely_infeasible(elastic, conflict.violation)
+        status = SolverOutcome.INFEASIBLE if proved else SolverOutcome.NO_FEASIBLE_POINT
+        return dataclasses.replace(found, status=status, message=conflict.words)
 
     def _explained(self, answer: SolverAnswer, x_0: Array, grid: Grid, p: Array) -> SolverAnswer:
         """Add to the answer of a solve that met NaN or infinity what was not finite at the guess or last iterate."""
@@ -303,7 +324,7 @@ class Transcription:
     def _parameter_gradient(self) -> ca.Function:
         return self.programme.assembly.parameter_gradient(len(self.problem.parameters))
 
-    def _unknowns(self, guess: Solution | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
+    def _unknowns(self, guess: Solution | GuessedTrajectory | None, grid: Grid, p: Array, arcs: Arcs | None) -> Array:
         """Vector of unknowns of a guess on a grid."""
         problem, layout, scheme = self.problem, self.layout, self.scheme
         every = interval_points(scheme)
@@ -313,19 +334,15 @@ class Transcription:
         # Points that an interval lacks may have any guess.
         inside = every[:, [j for j, c in enumerate(scheme.points) if 0.0 < c < 1.0][: scheme.interior]]
         at_inner = (grid.nodes[:-1, None] + inside * grid.widths[:, None]).ravel()
-        if guess is not None:
+        if isinstance(guess, Solution):
             T = guess.duration
             x, u, hidden = guess.state(grid.nodes * T), guess.control(at_points * T), guess.state(at_inner * T)
             last = guess.control(T)
         else:
-            T = problem.guess_duration
-
-            def interpolated(values: Array, at: Array) -> Array:
-                columns = [np.interp(at, problem.guess_times, column) for column in values.T]
-                return np.array(columns).T.reshape(len(at), values.shape[1])
-
-            x, hidden = interpolated(problem.guess_states, grid.nodes), interpolated(problem.guess_states, at_inner)
-            u, last = interpolated(problem.guess_controls, at_points), problem.guess_controls[-1]
+            own = problem.guess if guess is None else guess
+            T = own.duration
+            x, hidden = own.states_at(grid.nodes), own.states_at(at_inner)
+            u, last = own.controls_at(at_points), own.controls[-1]
         n, D = self.nodes, grid.widths * (self.nodes - 1)
         z = [x]
         if layout.durations:

@@ -309,11 +309,12 @@ def _shown_best(solution: Solution, allowed: float) -> bool:
 def _explained(
     failed: Solution, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
 ) -> Solution:
-    """A failed solution; an infeasible one with the constraints that cannot hold together, found without arcs."""
-    if failed.status is not SolverOutcome.INFEASIBLE:
+    """A failed solution; one without a feasible point with the constraints that cannot hold, found without arcs."""
+    infeasible = SolverOutcome.INFEASIBLE, SolverOutcome.NO_FEASIBLE_POINT
+    if failed.status not in infeasible:
         return failed
     plain = solve(problem, failed.nodes, guess=guess, parameters=parameters, options=options)
-    return plain if plain.status is SolverOutcome.INFEASIBLE else failed
+    return plain if plain.status in infeasible else failed
 
 
 def _first(
@@ -337,7 +338,7 @@ def _first(
         plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
         found = plan.solved(problem, guess, parameters, budget.left(options))
         timing += found.timing
-        if found.solved or budget.spent:
+        if found.solved or found.status is SolverOutcome.INFEASIBLE or budget.spent:
             break
     return plan, dataclasses.replace(found, timing=timing)
 

@@ -13,7 +13,8 @@ import pytest
 
 from mathnavi.controllers.ocp.indirect import solve_indirect
 from mathnavi.controllers.ocp.methods.adaptation import distribute, redistribute, refine, solve
-from mathnavi.controllers.ocp.methods.by_name import automatic, solve_by
+from mathnavi.controllers.ocp.methods.automatic import automatic
+from mathnavi.controllers.ocp.methods.by_name import solve_by
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions

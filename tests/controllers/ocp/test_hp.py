@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.methods.by_name import automatic
+from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS

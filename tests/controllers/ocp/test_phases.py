@@ -358,7 +358,11 @@ def test_equations_of_constants_that_contradict_each_other_are_too_many() -> Non
             "jump of s: s is a state of a only; allowed: jumps of x, v, the states of both",
         ),
         (
-            lambda problem, a, b: [each.integral(1, name="w") for each in (a, b)] + [problem.link(a, b, jumps={"w": 1})],
+            lambda problem, a, b: [
+                a.integral(1, name="w"),
+                b.integral(1, name="w"),
+                problem.link(a, b, jumps={"w": 1}),
+            ],
             "jump of w: w is an integral, which begins anew in b; allowed: jumps of x, v, the states of both",
         ),
         (

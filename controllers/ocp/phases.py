@@ -124,10 +124,14 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         multipliers=_multipliers(stacked, name, problem, states, controls, duration),
         sensitivities=NamedValues(problem.parameters, stacked.sensitivities.values[parameters]),
         replay=None,
+        cost_bound=math.nan,
     )
     cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
     tolerance = stacked.tolerance if math.isfinite(stacked.tolerance) else GIVEN_NODES
-    return replayed(dataclasses.replace(view, cost=cost), tolerance), begin
+    view = replayed(dataclasses.replace(view, cost=cost), tolerance)
+    if view.ok and stacked.status in (SolverOutcome.CONVERGED, SolverOutcome.STATIONARY):
+        view = dataclasses.replace(view, status=stacked.status, message=stacked.message)  # no phase is better than all
+    return view, begin
 
 
 def _running_cost(view: Solution) -> float:
@@ -261,6 +265,7 @@ class MultiPhaseProblem:
         parameters: Mapping[str, Numbers] | None = None,
         tolerance: float | None = None,
         options: Options | None = None,
+        verify: bool | None = None,
     ) -> MultiPhaseSolution:
         """Solve all phases together, on nodes at the same fractions of their durations.
 
@@ -272,8 +277,9 @@ class MultiPhaseProblem:
             raise ProblemError(f"{self.name}: guess = {guess!r:.80}; allowed: a MultiPhaseSolution")
         start = None if guess is None else guess.stacked
         stacked = solve_by(
-            problem, nodes, method, monitor, guess=start, parameters=values, tolerance=tolerance, options=options
-        )
+            problem, nodes, method, monitor, guess=start, parameters=values, tolerance=tolerance, options=options,
+            verify=verify,
+        )  # fmt: skip
         return self._unstacked(stacked)
 
     def __repr__(self) -> str:

@@ -361,8 +361,9 @@ class OptimalControlProblem:
         parameters: Mapping[str, Numbers] | None = None,
         tolerance: float | None = None,
         options: Options | None = None,
+        verify: bool | None = None,
     ) -> Solution:
-        """Solve the problem by collocation and replay the solution through its own dynamics.
+        """Solve the problem by collocation, replay the solution through its own dynamics, and verify it.
 
         Args:
             nodes: number N of nodes, for "hp" and "refine" the most that they may use. None: as many as the tolerance
@@ -381,10 +382,14 @@ class OptimalControlProblem:
                 the replay of a solution that is called OPTIMAL. None: 1e-6 for "hp" and "refine", and 1e-3 on nodes
                 whose number is given.
             options: NLP solver with its own tolerance, and what it prints or logs; None for the method's.
+            verify: True to bound the error of J on two finer meshes, which takes about one more solve; False for the
+                second-order condition alone. None: True, but for "direct" and where a number of nodes is given to
+                "auto": their message says that the error of J is not estimated.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
-            programme is solved but its replay is not within the tolerance; the message has the figures. An adaptive
+            programme is solved but its replay, or the error of J, is not within the tolerance; STATIONARY where it is
+            no minimum; UNBOUNDED where J falls without limit from it; the message has the figures. An adaptive
             solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
@@ -394,8 +399,9 @@ class OptimalControlProblem:
         problem = self.functions()
         values = problem.values_by_name(parameters)
         return solve_by(
-            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options
-        )
+            problem, nodes, method, monitor, guess=guess, parameters=values, tolerance=tolerance, options=options,
+            verify=verify,
+        )  # fmt: skip
 
     def functions(self) -> ProblemFunctions:
         """Compile and check the problem's functions; they are kept until something else is stated.

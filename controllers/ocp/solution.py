@@ -6,7 +6,7 @@ import dataclasses
 import io
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +34,8 @@ from mathnavi.models.nlp_solver import SolverOutcome as SolverOutcome
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from mathnavi.controllers.ocp.nlp import Programme
+
 FORMAT = "mathnavi solution 1"
 """format that the file of a solution names"""
 RECORD = "solution"
@@ -43,23 +45,27 @@ RECORD = "solution"
 class Timing:
     """Wall-clock times [ms] of one solution.
 
-    ``gate_ms`` is the time of the uniform solution that an adaptive one was only compared with.
+    ``gate_ms`` is the time of the uniform solution that an adaptive one was only compared with, ``verify_ms`` that of
+    finding out what the solution may be called.
     """
 
     build_ms: float = 0.0  # of programmes, zero where one was built before
     solve_ms: float = 0.0
     replay_ms: float = 0.0
     gate_ms: float = 0.0
+    verify_ms: float = 0.0
 
     @property
     def total_ms(self) -> float:
         """The whole time [ms]."""
-        return self.build_ms + self.solve_ms + self.replay_ms + self.gate_ms
+        return sum(astuple(self))
 
     def __repr__(self) -> str:
         """One line."""
-        parts = {"build": self.build_ms, "solve": self.solve_ms, "replay": self.replay_ms, "gate": self.gate_ms}
-        return f"{self.total_ms:.1f} ms ({', '.join(f'{name} {ms:.1f}' for name, ms in parts.items())})"
+        parts = [
+            f"{field.name.removesuffix('_ms')} {ms:.1f}" for field, ms in zip(fields(self), astuple(self), strict=True)
+        ]
+        return f"{self.total_ms:.1f} ms ({', '.join(parts)})"
 
     def __add__(self, other: Timing) -> Timing:
         return Timing(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
@@ -108,6 +114,26 @@ class ReplayResult:
         return short_table("replay", [*self.rows, ("end", vector_text(self.end), "")])
 
 
+@dataclass(frozen=True, eq=False)
+class SolvedProgramme:
+    """Programme that a solution was read from, and the solver's answer, in the programme's own scaled unknowns."""
+
+    programme: Programme
+    x: Array  # (n,)
+    known: Array  # the programme's parameters p
+    bounds: tuple[Array, Array, Array, Array]  # lower and upper (n,) of the unknowns, then (m,) of the rows
+    multipliers: tuple[Array, Array]  # of the bounds (n,) and of the rows (m,)
+    grid: Grid  # of the answer
+    read: Callable[[Array], Solution]  # the solution at other unknowns (n,), with the rest of the answer
+
+    @property
+    def without_smoothing(self) -> Array:
+        """The known values with weights ρ = 0 of the controls' variations, which are no part of J."""
+        layout, values = self.programme.layout, self.known.copy()
+        values[len(values) - layout.smoothed * (layout.nodes - 1) :] = 0.0
+        return values
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """Solution of a transcribed problem: states x_i at N nodes, controls at the scheme's points, the final time T.
@@ -138,16 +164,23 @@ class Solution:
     replay: ReplayResult | None = None
     interval_errors: Array | None = None  # (N - 1,) largest defect of each interval, over the states' scales
     tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
+    cost_bound: float = math.nan  # E: J is at most this far from the least value nearby; NaN where it is not estimated
+    solved_programme: SolvedProgramme | None = field(
+        default=None, metadata={"saved": False}
+    )  # None once it is verified
 
     @property
     def ok(self) -> bool:
         """True if this is a solution of the problem: solved, and within the tolerance when it is replayed."""
-        return self.solved and self.replay is not None and self.replay.error <= self.tolerance
+        accurate = self.replay is not None and self.replay.error <= self.tolerance
+        return accurate and self.status in (SolverOutcome.OPTIMAL, SolverOutcome.REFUSED)
 
     @property
     def solved(self) -> bool:
         """True if this is a solution of the transcribed programme, regardless of its accuracy."""
-        return self.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.REFUSED)
+        return self.status in (
+            SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.STATIONARY, SolverOutcome.REFUSED,
+        )  # fmt: skip
 
     @property
     def headline(self) -> str:
@@ -167,6 +200,7 @@ class Solution:
     def _table(self) -> tuple[str, list[Row]]:
         rows = [
             ("J", f"{self.cost:.7g}", ""),
+            ("error of J", f"{self.cost_bound:.2g}" if math.isfinite(self.cost_bound) else "not estimated", ""),
             ("T", f"{self.duration:.7g}", "s"),
             ("scheme", self.scheme.name, ""),
             ("nodes", str(self.nodes), ""),

@@ -24,7 +24,7 @@ from mathnavi.controllers.ocp.layout import bounded_controls, control_variations
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
-from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
+from mathnavi.controllers.ocp.solution import Solution, SolvedProgramme, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
 from mathnavi.interfaces.errors import ProblemError
@@ -117,7 +117,11 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
-        answer = self.solver.solve(x_0, known, bounds=None if arcs is None else self._bounds(arcs))
+        programme = self.programme
+        bounds = programme.x_lower, programme.x_upper, programme.lower, programme.upper
+        if arcs is not None:
+            bounds = self._bounds(arcs)
+        answer = self.solver.solve(x_0, known, bounds=bounds)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         if answer.status is SolverOutcome.INFEASIBLE and arcs is None:
@@ -125,6 +129,12 @@ class Transcription:
             answer = dataclasses.replace(answer, message=why or answer.message)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
         found = self._read(answer, where, p, known, shares, cost)
+
+        def read(unknowns: Array) -> Solution:
+            return self._read(dataclasses.replace(answer, x=unknowns), where, p, known, shares, cost)
+
+        solved = SolvedProgramme(programme, answer.x, known, bounds, answer.multipliers, found.grid, read)
+        found = dataclasses.replace(found, solved_programme=solved)
         if smoothing.any():  # it is no part of J
             u = found.u / self.problem.control_scale
             added = float((control_variations(self.scheme, u) * smoothing).sum())

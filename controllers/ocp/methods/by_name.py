@@ -28,6 +28,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import Options
 from mathnavi.controllers.ocp.structure import linear_controls
+from mathnavi.controllers.ocp.verification.verified import verified
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
@@ -136,8 +137,9 @@ def solve_by(
     parameters: Array,
     tolerance: float | None = None,
     options: Options | None = None,
+    verify: bool | None = None,
 ) -> Solution:
-    """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
+    """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's; and verify it.
 
     Args:
         problem: the problem as compiled functions.
@@ -150,9 +152,12 @@ def solve_by(
         parameters: (np,) values of the problem's parameters.
         tolerance: largest figures of the replay of a solution that is called OPTIMAL; None for the method's own.
         options: solver and its own tolerance; None for the method's own.
+        verify: True to bound the error of J on two finer meshes; False for the second-order condition alone; None for
+            the bound with every method but "direct" (and "auto" on a given number of nodes).
 
     Returns:
-        The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused.
+        The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused. It is
+        OPTIMAL where a verification found nothing against it (see ``verification.verified``).
 
     Raises:
         ProblemError: for fewer than two nodes, an unknown method or monitor, a monitor for a method that takes none,
@@ -163,6 +168,33 @@ def solve_by(
         check_nodes(nodes)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
+    adaptive = method == "hp" or (method == "auto" and nodes is None and monitor is None)
+
+    def by_method(start: Solution | None, chosen: Options | None) -> Solution:
+        return _solved_by(problem, nodes, method, monitor, start, parameters, tolerance, chosen)
+
+    def again(start: Solution, chosen: Options | None) -> Solution:
+        own = options if chosen is None else chosen
+        if not adaptive:
+            return by_method(start, own)
+        found = _solved_by(problem, nodes, "hp", None, start, parameters, tolerance, own)
+        return _named(found, f"hp, for {_reason(problem)}: {found.message}") if method == "auto" else found
+
+    bounded = method != "direct" and (adaptive or method != "auto") if verify is None else verify
+    return verified(by_method(guess, options), again, options, bounded=bounded, adaptive=adaptive)
+
+
+def _solved_by(
+    problem: ProblemFunctions,
+    nodes: int | None,
+    method: Method,
+    monitor: Monitor | str | None,
+    guess: Solution | None,
+    parameters: Array,
+    tolerance: float | None,
+    options: Options | None,
+) -> Solution:
+    """The method's own solution, judged by its replay alone."""
     given: dict[str, Any] = {"guess": guess, "parameters": parameters}
     if options is not None:
         given["options"] = options

@@ -169,19 +169,15 @@ def solve_by(
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
     adaptive = method == "hp" or (method == "auto" and nodes is None and monitor is None)
-
-    def by_method(start: Solution | None, chosen: Options | None) -> Solution:
-        return _solved_by(problem, nodes, method, monitor, start, parameters, tolerance, chosen)
+    found = _solved_by(problem, nodes, method, monitor, guess, parameters, tolerance, options)
 
     def again(start: Solution, chosen: Options | None) -> Solution:
         own = options if chosen is None else chosen
-        if not adaptive:
-            return by_method(start, own)
         found = _solved_by(problem, nodes, "hp", None, start, parameters, tolerance, own)
         return _named(found, f"hp, for {_reason(problem)}: {found.message}") if method == "auto" else found
 
-    bounded = method != "direct" and (adaptive or method != "auto") if verify is None else verify
-    return verified(by_method(guess, options), again, options, bounded=bounded, adaptive=adaptive)
+    bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
+    return verified(found, again if adaptive else None, options, bounded=bounded)
 
 
 def _solved_by(

@@ -151,13 +151,16 @@ def metric(solved: SolvedProgramme) -> Array:
     problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
     shares = np.broadcast_to(interval_integral_weights(scheme, np.ones(1))[:, 0], (count, len(scheme.points)))
     shares = grid.widths[:, None] * shares
+    own_shares = shares.copy()
+    if scheme.shared:  # a node's control is that of both its intervals
+        own_shares[1:, 0] += shares[:-1, -1]
     z = np.full((count + 1, layout.state_size), 1.0 / (count + 1))
     z[:, : problem.nx] = 0.0
     z[:-1, : problem.nx] += 0.5 * grid.widths[:, None]
     z[1:, : problem.nx] += 0.5 * grid.widths[:, None]
     inside = shares[:, [j for j, c in enumerate(scheme.points) if 0.0 < c < 1.0][: scheme.interior]]
     w = np.hstack([
-        np.repeat(shares[:, : layout.own_points], problem.nu, axis=1),
+        np.repeat(own_shares[:, : layout.own_points], problem.nu, axis=1),
         np.repeat(inside, problem.nx, axis=1),
         np.full((count, int(layout.moving)), 1.0 / count),
     ])  # fmt: skip

@@ -17,9 +17,10 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
-from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.controllers.ocp.verification.cost_bound import cost_bound, cost_size
 from mathnavi.controllers.ocp.verification.escape import escaped
@@ -37,16 +38,16 @@ _SAME = 0.5  # of the tolerance: two solutions whose J differs by less confirm e
 
 
 def verified(
-    solution: Solution, again: Again, options: Options | None = None, *, bounded: bool = True, adaptive: bool = True
+    solution: Solution, again: Again | None = None, options: Options | None = None, *, bounded: bool = True
 ) -> Solution:
     """Find out what a solution with the status OPTIMAL may be called; any other one is returned as it is.
 
     Args:
         solution: with its replay, as a method returned it.
-        again: the method, for a start from which J is lower.
+        again: the method, where the mesh is its own choice, to be used from a lower or from a finer solution; None
+            keeps the mesh.
         options: the solver's, as given to the method; None for its own.
         bounded: True to bound the error of J, which takes two more solves.
-        adaptive: True if the mesh is the method's own choice, so that it may be refined where the bound is too large.
 
     Returns:
         The solution with the status and the message that the evidence carries and with its ``cost_bound``, or one of
@@ -57,17 +58,18 @@ def verified(
     began = time.perf_counter()
     run = _Verification(solution, again, _limited(options, solution.timing))
     run.leave_saddles()
-    if not run.settled and bounded:
-        run.bound(adaptive=adaptive)
-    status, added = judge(run.evidence)
-    found = run.solution
-    message = "; ".join(filter(None, (found.message, added)))
-    if status is SolverOutcome.UNBOUNDED:
-        message = added
-    bound = math.nan if run.evidence.bound is None else run.evidence.bound
-    timing = solution.timing + Timing(verify_ms=1e3 * (time.perf_counter() - began))
+    if bounded and not run.settled:
+        run.bound()
+    found, known = run.solution, run.evidence
+    status, added = judge(known)
+    kept = "" if status is SolverOutcome.UNBOUNDED else found.message
     return dataclasses.replace(
-        found, status=status, message=message, cost_bound=bound, timing=timing, solved_programme=None
+        found,
+        status=status,
+        message="; ".join(filter(None, (kept, added))),
+        cost_bound=math.nan if known.bound is None else known.bound,
+        timing=solution.timing + Timing(verify_ms=1e3 * (time.perf_counter() - began)),
+        solved_programme=None,
     )
 
 
@@ -89,10 +91,10 @@ def _limited(options: Options | None, timing: Timing) -> Options:
 class _Verification:
     """A solution, and the evidence about it so far."""
 
-    def __init__(self, solution: Solution, again: Again, options: Options) -> None:
-        self._again, self._options, self._limit = again, options, options.seconds
+    def __init__(self, solution: Solution, again: Again | None, options: Options) -> None:
+        self._again, self._options = again, options
         self._linear = bool(linear_controls(solution.problem).all())
-        self._take(solution, "")
+        self._take(solution)
 
     @property
     def settled(self) -> bool:
@@ -100,59 +102,58 @@ class _Verification:
         return bool(self.evidence.runs_away or self.evidence.control_without_minimum)
 
     def leave_saddles(self) -> None:
-        """Weierstrass' and the second-order condition, with escapes to what is lower."""
+        """Follow directions of negative curvature to what is lower, as long as there are any."""
         for _ in range(_ESCAPES):
             if self.settled or self._direction is None:
                 return
-            lower = escaped(self.solution, self._direction, self.evidence.allowed, self._options)
+            lower = escaped(self.solution, self._direction, self.evidence.size, self._options)
             if lower is None:
                 return
-            whole = lower if lower.status is SolverOutcome.UNBOUNDED else self._again(lower, None)
-            if whole.status is SolverOutcome.UNBOUNDED:
-                self.evidence = dataclasses.replace(self.evidence, runs_away=whole.message)
-                self.solution = dataclasses.replace(
-                    whole, method=self.solution.method, tolerance=self.solution.tolerance
-                )
-            elif (
-                whole.status is not SolverOutcome.OPTIMAL or not whole.cost < self.solution.cost - self.evidence.allowed
-            ):
-                self.evidence = dataclasses.replace(self.evidence, lower_cost=lower.cost)
-                return
+            found = [dataclasses.replace(lower, method=self.solution.method)]
+            if self._again is not None and lower.status is not SolverOutcome.UNBOUNDED:
+                found.insert(0, self._again(lower, None))
+            for each in found:
+                if each.status is SolverOutcome.UNBOUNDED:
+                    self._add(runs_away=each.message)
+                    self.solution = dataclasses.replace(each, tolerance=self.solution.tolerance)
+                    return
+                if each.status is SolverOutcome.OPTIMAL and each.cost < self.solution.cost - self.evidence.allowed:
+                    self._take(each, f"from a stationary point with J = {self.solution.cost:.7g}")
+                    break
             else:
-                self._take(whole, f"from a stationary point with J = {self.solution.cost:.7g}")
+                self._add(lower_cost=lower.cost)
+                return
 
-    def bound(self, *, adaptive: bool) -> None:
+    def bound(self) -> None:
         """Bound the error of J and, where the mesh may be chosen, refine it until the bound is small enough."""
         began = time.perf_counter()
         for number in range(_ROUNDS + 1):
             known = cost_bound(self.solution, self._options)
-            self.evidence = dataclasses.replace(self.evidence, bound=known.bound, size=known.size)
-            allowed = self.evidence.allowed
-            late = time.perf_counter() - began > 2.0 * self._limit
-            if known.bound <= allowed or not adaptive or number == _ROUNDS or late:
+            self._add(bound=known.bound)
+            late = time.perf_counter() - began > 2.0 * self._options.seconds
+            if known.bound <= self.evidence.allowed or self._again is None or number == _ROUNDS or late:
                 return
             found = self._again(known.finer, self._options)
-            if found.status is not SolverOutcome.OPTIMAL:
-                return
             gain = self.solution.cost - found.cost
+            if found.status is not SolverOutcome.OPTIMAL or gain < -_SAME * self.evidence.allowed:
+                return  # a dearer one says nothing
             if gain > 0.0:
                 lower = self.evidence.lower_cost
-                self._take(found, "")
+                self._take(found)
                 if lower is not None and lower < found.cost - self.evidence.allowed:
-                    self.evidence = dataclasses.replace(self.evidence, lower_cost=lower)
-            if abs(gain) <= _SAME * allowed:
-                self.evidence = dataclasses.replace(self.evidence, bound=2.0 * abs(gain), size=known.size)
-                return
-            if gain <= 0.0:  # a dearer one says nothing
+                    self._add(lower_cost=lower)
+            if gain <= _SAME * self.evidence.allowed:
+                self._add(bound=2.0 * abs(gain))
                 return
 
-    def _take(self, found: Solution, reason: str) -> None:
+    def _take(self, found: Solution, reason: str = "") -> None:
         """Take a solution, with what its own programme and Hamiltonian say."""
         self.solution = dataclasses.replace(found, message="; ".join(filter(None, (found.message, reason))))
         size, solved = cost_size(found), found.solved_programme
-        known = SecondOrder(decided=False)
-        if solved is not None and not solved.programme.layout.moving:  # moves of nodes are no matter of the problem
-            known = second_order(solved, size)
+        if solved is not None and solved.programme.layout.moving:  # moves of nodes are no matter of the problem
+            made = transcription(found.problem, found.scheme, found.nodes, FIXED, self._options)
+            solved = made.solve(found, found.grid, found.parameters).solved_programme
+        known = SecondOrder(decided=False) if solved is None else second_order(solved, size)
         self._direction = known.direction
         self.evidence = Evidence(
             found.cost,
@@ -163,3 +164,6 @@ class _Verification:
             negative_curvature=known.direction is not None,
             bent=not self._linear,
         )
+
+    def _add(self, **evidence: Any) -> None:
+        self.evidence = dataclasses.replace(self.evidence, **evidence)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -33,8 +33,6 @@ from mathnavi.models.nlp_solver import SolverOutcome as SolverOutcome
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from mathnavi.controllers.ocp.nlp import Programme
 
 FORMAT = "mathnavi solution 1"
 """format that the file of a solution names"""
@@ -118,7 +116,7 @@ class ReplayResult:
 class SolvedProgramme:
     """Programme that a solution was read from, and the solver's answer, in the programme's own scaled unknowns."""
 
-    programme: Programme
+    programme: Any  # nlp.Programme, whose module imports this one
     x: Array  # (n,)
     known: Array  # the programme's parameters p
     bounds: tuple[Array, Array, Array, Array]  # lower and upper (n,) of the unknowns, then (m,) of the rows

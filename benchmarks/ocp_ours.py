@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from benchmarks.ocp_trajectory import Trajectory
-from mathnavi.controllers.ocp.methods.automatic import automatic
+from mathnavi.controllers.ocp.methods.by_name import solve_by
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 
@@ -15,7 +15,9 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
     """Return the solution for a ``tolerance`` of its replay, whether it meets it or not; None if the solver failed."""
     unknown = dataclasses.replace(problem)  # the same problem as one that no cache has seen
-    solution = automatic(unknown, tolerance=tolerance)
+    solution = solve_by(
+        unknown, None, "auto", None, guess=None, parameters=problem.nominal, tolerance=tolerance
+    )  # as ``OptimalControlProblem.solve()`` does, witnesses included
     if not solution.solved:
         return None
     points = tuple(np.array(own_points(solution.scheme, i)) for i in range(solution.nodes - 1))

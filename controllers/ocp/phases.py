@@ -140,12 +140,16 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         ),
         sensitivities=NamedValues(problem.parameters, stacked.sensitivities.values[parameters]),
         replay=None,
+        cost_bound=math.nan,
     )
     cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
     if problem.instants is not None:
         cost += instant_cost(problem.instants, view.at_instants, view.parameters)
     tolerance = stacked.tolerance if math.isfinite(stacked.tolerance) else GIVEN_NODES
-    return replayed(dataclasses.replace(view, cost=cost), tolerance), begin
+    view = replayed(dataclasses.replace(view, cost=cost), tolerance)
+    if view.ok and stacked.status in (SolverOutcome.CONVERGED, SolverOutcome.STATIONARY):
+        view = dataclasses.replace(view, status=stacked.status, message=stacked.message)  # no phase is better than all
+    return view, begin
 
 
 def own_grid(stacked: Solution, name: str) -> Grid:
@@ -335,6 +339,7 @@ class MultiPhaseProblem:
         tolerance: float | None = None,
         options: Options | None = None,
         scheme: Scheme | str | None = None,
+        verify: bool | None = None,
     ) -> MultiPhaseSolution:
         """Solve all phases together, on nodes at the same fractions of their durations.
 
@@ -356,6 +361,7 @@ class MultiPhaseProblem:
             tolerance=tolerance,
             options=options,
             scheme=scheme,
+            verify=verify,
         )
         return self._unstacked(stacked)
 

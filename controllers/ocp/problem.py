@@ -415,8 +415,9 @@ class OptimalControlProblem:
         scheme: Scheme | str | None = None,
         breaks: Sequence[float] = (),
         replay: bool = True,
+        verify: bool | None = None,
     ) -> Solution:
-        """Solve the problem by collocation and replay the solution through its own dynamics.
+        """Solve the problem by collocation, replay the solution through its own dynamics, and verify it.
 
         Args:
             nodes: number N of nodes, for "hp" and "refine" the most that they may use. None: as many as the tolerance
@@ -445,10 +446,14 @@ class OptimalControlProblem:
                 known.
             replay: False, for a number of nodes that is given, returns the solution of the programme as it is, in a
                 loop that has no time for more: its status is at best CONVERGED.
+            verify: True to bound the error of J on two finer meshes, which takes about one more solve; False for the
+                second-order condition alone. None: True, but for "direct" and where a number of nodes is given to
+                "auto": their message says that the error of J is not estimated.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
-            programme is solved but its replay is not within the tolerance; the message has the figures. An adaptive
+            programme is solved but its replay, or the error of J, is not within the tolerance; STATIONARY where it is
+            no minimum; UNBOUNDED where J falls without limit from it; the message has the figures. An adaptive
             solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
@@ -469,6 +474,7 @@ class OptimalControlProblem:
             options=options,
             scheme=scheme,
             replay=replay,
+            verify=verify,
         )
 
     def _with_breaks(self, breaks: Sequence[float], method: str) -> ProblemFunctions:

@@ -2,8 +2,8 @@
 
 A field x of a record "solution" is the array "solution.x"; a record in it adds its own fields, "solution.replay.miss".
 Numbers, truth values and texts are arrays of one element, an enumeration is its member's name, and "kind" names a
-record's class. A field that is None, or at its default, is left out. Compiled functions are tapes (see
-``function_tape``); those that cannot be one are left out.
+record's class. A field that is None, at its default, or marked as not to be saved is left out. Compiled functions are
+tapes (see ``function_tape``); those that cannot be one are left out.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _fields(kind: Any) -> dict[str, Any]:
     """Names of the fields of a record, each with its default, or MISSING."""
     if _is_named_tuple(kind):
         return {field: kind._field_defaults.get(field, dataclasses.MISSING) for field in kind._fields}
-    return {field.name: field.default for field in dataclasses.fields(kind) if field.init}
+    return {field.name: field.default for field in dataclasses.fields(kind) if field.metadata.get("saved", field.init)}
 
 
 def _is_named_tuple(kind: Any) -> bool:

@@ -6,10 +6,10 @@ import dataclasses
 import io
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
@@ -45,23 +45,27 @@ RECORD = "solution"
 class Timing:
     """Wall-clock times [ms] of one solution.
 
-    ``gate_ms`` is the time of the uniform solution that an adaptive one was only compared with.
+    ``gate_ms`` is the time of the uniform solution that an adaptive one was only compared with, ``verify_ms`` that of
+    finding out what the solution may be called.
     """
 
     build_ms: float = 0.0  # of programmes, zero where one was built before
     solve_ms: float = 0.0
     replay_ms: float = 0.0
     gate_ms: float = 0.0
+    verify_ms: float = 0.0
 
     @property
     def total_ms(self) -> float:
         """The whole time [ms]."""
-        return self.build_ms + self.solve_ms + self.replay_ms + self.gate_ms
+        return sum(astuple(self))
 
     def __repr__(self) -> str:
         """One line."""
-        parts = {"build": self.build_ms, "solve": self.solve_ms, "replay": self.replay_ms, "gate": self.gate_ms}
-        return f"{self.total_ms:.1f} ms ({', '.join(f'{name} {ms:.1f}' for name, ms in parts.items())})"
+        parts = [
+            f"{field.name.removesuffix('_ms')} {ms:.1f}" for field, ms in zip(fields(self), astuple(self), strict=True)
+        ]
+        return f"{self.total_ms:.1f} ms ({', '.join(parts)})"
 
     def __add__(self, other: Timing) -> Timing:
         return Timing(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
@@ -112,6 +116,26 @@ class ReplayResult:
         return short_table("replay", [*self.rows, ("end", vector_text(self.end), "")])
 
 
+@dataclass(frozen=True, eq=False)
+class SolvedProgramme:
+    """Programme that a solution was read from, and the solver's answer, in the programme's own scaled unknowns."""
+
+    programme: Any  # nlp.Programme, whose module imports this one
+    x: Array  # (n,)
+    known: Array  # the programme's parameters p
+    bounds: tuple[Array, Array, Array, Array]  # lower and upper (n,) of the unknowns, then (m,) of the rows
+    multipliers: tuple[Array, Array]  # of the bounds (n,) and of the rows (m,)
+    grid: Grid  # of the answer
+    read: Callable[[Array], Solution]  # the solution at other unknowns (n,), with the rest of the answer
+
+    @property
+    def without_smoothing(self) -> Array:
+        """The known values with weights ρ = 0 of the controls' variations, which are no part of J."""
+        layout, values = self.programme.layout, self.known.copy()
+        values[len(values) - layout.smoothed * (layout.nodes - 1) :] = 0.0
+        return values
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """Solution of a transcribed problem: states x_i at N nodes, controls at the scheme's points, the final time T.
@@ -144,17 +168,24 @@ class Solution:
     tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
     surface_nodes: tuple[int, ...] = ()  # nodes that the programme holds on a surface where the problem is not smooth
     not_smooth: tuple[str, ...] = ()  # jumps and kinks that the trajectory crosses inside an interval, in words
+    cost_bound: float = math.nan  # E: J is at most this far from the least value nearby; NaN where it is not estimated
+    solved_programme: SolvedProgramme | None = field(
+        default=None, metadata={"saved": False}
+    )  # None once it is verified
 
     @property
     def ok(self) -> bool:
-        """True if this is a solution of the problem: solved, smooth, and within the tolerance when it is replayed."""
-        within = self.replay is not None and self.replay.error <= self.tolerance
-        return self.solved and within and not self.not_smooth
+        """True if this is a solution of the problem: optimal, smooth, and within the tolerance when it is replayed."""
+        accurate = self.replay is not None and self.replay.error <= self.tolerance
+        named = self.status in (SolverOutcome.OPTIMAL, SolverOutcome.REFUSED)
+        return accurate and named and not self.not_smooth
 
     @property
     def solved(self) -> bool:
         """True if this is a solution of the transcribed programme, regardless of its accuracy."""
-        return self.status in (SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.REFUSED)
+        return self.status in (
+            SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.STATIONARY, SolverOutcome.REFUSED,
+        )  # fmt: skip
 
     @cached_property
     def conditions(self) -> PontryaginCheck | None:
@@ -185,6 +216,7 @@ class Solution:
     def _table(self) -> tuple[str, list[Row]]:
         rows = [
             ("J", f"{self.cost:.7g}", ""),
+            ("error of J", f"{self.cost_bound:.2g}" if math.isfinite(self.cost_bound) else "not estimated", ""),
             ("T", f"{self.duration:.7g}", "s"),
             ("scheme", self.scheme.name, ""),
             ("nodes", str(self.nodes), ""),

@@ -35,7 +35,7 @@ from mathnavi.controllers.ocp.layout import (
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC, at_rows, programme
 from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, ProblemFunctions, check_problem
-from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing, along
+from mathnavi.controllers.ocp.solution import Solution, SolvedProgramme, SolverOutcome, Timing, along
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import interval_points
 from mathnavi.interfaces.errors import ProblemError
@@ -150,8 +150,11 @@ class Transcription:
             known = np.concatenate([p, starts(shares).ravel(), shares.ravel()])
         known = np.concatenate([known, smoothing.ravel()])
         x_0 = self._unknowns(guess, where, p, arcs)
-        bounds: _Bounds | None = None if arcs is None else self._bounds(arcs)
-        if self._clocks and arcs is not None and bounds is not None and self._arcs > 1:
+        programme = self.programme
+        bounds = programme.x_lower, programme.x_upper, programme.lower, programme.upper
+        if arcs is not None:
+            bounds = self._bounds(arcs)
+        if self._clocks and arcs is not None and self._arcs > 1:
             arcs.check(where)
             self._tie(bounds, arcs, where, x_0)
         elif self._clocks and isinstance(guess, Solution) and not self.scheme.shared:
@@ -161,6 +164,12 @@ class Transcription:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
         found = self._read(answer, where, p, known, shares, cost)
+
+        def read(unknowns: Array) -> Solution:
+            return self._read(dataclasses.replace(answer, x=unknowns), where, p, known, shares, cost)
+
+        solved = SolvedProgramme(programme, answer.x, known, bounds, answer.multipliers, found.grid, read)
+        found = dataclasses.replace(found, solved_programme=solved)
         if answer.status is SolverOutcome.NO_FEASIBLE_POINT and arcs is None and explained:
             found = self._examined(found, answer, known)
         if found.status in _MAY_BE_INFEASIBLE and not (isinstance(guess, Solution) and guess.solves(self.problem, p)):
@@ -267,11 +276,10 @@ class Transcription:
             end = self.layout.state_columns[-1, clock.state]
             lower[end], upper[end], x_0[end] = 1.0, 1.0, 1.0
 
-    def _as_guessed(self, bounds: _Bounds | None, guess: Solution, grid: Grid, x_0: Array) -> _Bounds:
+    def _as_guessed(self, bounds: _Bounds, guess: Solution, grid: Grid, x_0: Array) -> _Bounds:
         """The bounds with clocks that run as in the guess: each phase has its nodes where the guess has them."""
-        programme, layout = self.programme, self.layout
-        own = programme.x_lower.copy(), programme.x_upper.copy(), programme.lower, programme.upper
-        lower, upper, row_lower, row_upper = bounds or own
+        layout = self.layout
+        lower, upper, row_lower, row_upper = bounds[0].copy(), bounds[1].copy(), *bounds[2:]
         for clock in self._clocks:
             times = guess.state(grid.nodes * guess.duration)[:, clock.state]
             rates = np.diff(times) / grid.widths / (times[-1] - times[0])

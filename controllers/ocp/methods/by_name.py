@@ -10,7 +10,7 @@ from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.feasibility.restarts import with_restarts
 from mathnavi.controllers.ocp.grid import check_breaks, check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
-from mathnavi.controllers.ocp.methods.automatic import automatic
+from mathnavi.controllers.ocp.methods.automatic import automatic, by_hp
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, OPTIONS, TOLERANCE, hp
 from mathnavi.controllers.ocp.methods.schemes import chosen_scheme
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
@@ -20,6 +20,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.verification.verified import verified
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
@@ -51,8 +52,9 @@ def solve_by(
     options: Options | None = None,
     scheme: Scheme | str | None = None,
     replay: bool = True,
+    verify: bool | None = None,
 ) -> Solution:
-    """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's.
+    """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's; and verify it.
 
     Where a method finds no feasible point it is restarted from other guesses (see ``feasibility.restarts``).
 
@@ -70,9 +72,12 @@ def solve_by(
         scheme: transcription of an interval, or its name in ``SCHEMES``, with which ``auto`` is ``direct``; None for
             the method's own, or multiple shooting for FATROP.
         replay: False for one solve on a given number of nodes that is not replayed, and at best CONVERGED.
+        verify: True to bound the error of J on two finer meshes; False for the second-order condition alone; None for
+            the bound with every method but "direct" (and "auto" on a given number of nodes).
 
     Returns:
-        The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused.
+        The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused. It is
+        OPTIMAL where a verification found nothing against it (see ``verification.verified``).
 
     Raises:
         ProblemError: for fewer than two nodes, or than the problem's break times need, an unknown method, scheme or
@@ -84,12 +89,22 @@ def solve_by(
         check_breaks(problem.name, check_nodes(nodes), problem.breaks)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
-    budget = Budget(Options() if options is None else options)
+    budget = Budget(DEFAULT if options is None else options)
     chosen = partial(_by_method, problem, nodes, method, monitor, parameters, tolerance, options, scheme, budget)
     if not replay:
         return chosen(guess, replay=False)
     within = tolerance if tolerance is not None else TOLERANCE if nodes is None else GIVEN_NODES
-    return with_restarts(problem, chosen, guess, parameters, within, Options() if options is None else options, budget)
+    found = with_restarts(problem, chosen, guess, parameters, within, DEFAULT if options is None else options, budget)
+    given_mesh = nodes is not None or monitor is not None or scheme is not None
+    adaptive = method == "hp" or (method == "auto" and not given_mesh and found.method == "hp")
+
+    def again(start: Solution, limited: Options | None) -> Solution:
+        own = budget.left(limited or options or OPTIONS)
+        better = hp(problem, nodes or MOST_NODES, tolerance=within, guess=start, parameters=parameters, options=own)
+        return by_hp(better) if method == "auto" else better
+
+    bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
+    return verified(found, again if adaptive else None, options, budget, bounded=bounded)
 
 
 def _by_method(

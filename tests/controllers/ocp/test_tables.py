@@ -60,6 +60,6 @@ def test_problems_and_results_are_short_tables() -> None:
     assert "dJ/dforce" in repr(solution)
     assert isinstance(solution.replay, ReplayResult)
     assert "replay miss" in repr(solution.replay)
-    assert repr(Timing(1.0, 2.0)) == "3.0 ms (build 1.0, solve 2.0, replay 0.0, gate 0.0)"
+    assert repr(Timing(1.0, 2.0)) == "3.0 ms (build 1.0, solve 2.0, replay 0.0, gate 0.0, verify 0.0)"
     for each in (ocp, solution.problem, solution):
         assert each._repr_html_().startswith("<b>")

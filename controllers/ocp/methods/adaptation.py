@@ -213,6 +213,7 @@ def distribute(
     budget = Budget(options)
     if not distribution.moving:
         raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
+    check_problem(problem)
     check_instants(problem, distribution, options)
     first = solve(
         problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options, tolerance=tolerance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -95,6 +96,8 @@ def solve_by(
         return chosen(guess, replay=False)
     within = tolerance if tolerance is not None else TOLERANCE if nodes is None else GIVEN_NODES
     found = with_restarts(problem, chosen, guess, parameters, within, DEFAULT if options is None else options, budget)
+    if found.surface_nodes:  # judged with nodes that move with the surfaces
+        return dataclasses.replace(found, solved_programme=None)
     given_mesh = nodes is not None or monitor is not None or scheme is not None
     adaptive = method == "hp" or (method == "auto" and not given_mesh and found.method == "hp")
 

@@ -7,14 +7,16 @@ A solution shows which surfaces are crossed and in which order. The problem is s
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.crossing_phases import parts_at
 from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.methods.hp import OPTIONS, hp
 from mathnavi.controllers.ocp.replay import replayed
-from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.verification.verified import verified
 from mathnavi.interfaces.signals import Array
 
 _ROUNDS = 3
@@ -44,11 +46,19 @@ def solved_at_crossings(
             return _without(first, current, f"with a node at each crossing it is not solved: {found.message}")
         current = replayed(dataclasses.replace(parts.merged(found), method="hp", timing=timing), tolerance)
         if current.ok:
-            placed = ", ".join(str(each) for each in crossings(current))
-            return dataclasses.replace(current, message=f"hp, a node where {placed}; {current.message}")
+            return _judged(current, verified(found, None, options, budget))
         if not current.not_smooth:
             return _without(first, current, f"with a node at each crossing it is {current.message}")
     return _without(first, current, f"in {_ROUNDS} rounds the crossings change each time")
+
+
+def _judged(current: Solution, parts: Solution) -> Solution:
+    """A solution with a node at each crossing, with the word that its parts have earned: their nodes move with it."""
+    placed = ", ".join(str(each) for each in crossings(current))
+    known = parts.status is not SolverOutcome.CONVERGED or math.isfinite(parts.cost_bound)
+    error = f"J within {parts.cost_bound:.2g}" if known else "the error of J is unknown"
+    message = f"hp, a node where {placed}; {current.message}; {error}"
+    return dataclasses.replace(current, status=parts.status, cost_bound=parts.cost_bound, message=message)
 
 
 def _without(first: Solution, current: Solution, why: str) -> Solution:

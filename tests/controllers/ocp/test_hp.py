@@ -80,7 +80,7 @@ def test_the_choice_is_named_with_its_reason() -> None:
 
 
 def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mathnavi.controllers.ocp.methods import by_name as module
+    from mathnavi.controllers.ocp.methods import automatic as module
 
     def short(problem: ProblemFunctions, **options: object) -> object:
         return hp(problem, 4, tolerance=1e-6)
@@ -95,7 +95,7 @@ def test_where_it_falls_short_the_better_replay_is_returned(monkeypatch: pytest.
 def test_an_attempt_that_ends_in_an_error_is_named_and_not_raised(
     broken: str, said: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from mathnavi.controllers.ocp.methods import by_name as module
+    from mathnavi.controllers.ocp.methods import automatic as module
 
     def short(problem: ProblemFunctions, **options: Any) -> Solution:
         return hp(problem, 4, **options)

@@ -102,8 +102,8 @@ def _held(solution: Solution) -> NDArray[np.bool_]:
         values = _path(solution, solution.inner.reshape(len(t), -1), solution.u.reshape(len(t), problem.nu), t)
         with np.errstate(invalid="ignore"):
             away = np.minimum(values - problem.path_bounds.lower, problem.path_bounds.upper - values)
-        holds = (away / path_sizes(problem) <= _HOLDS).reshape(len(found), -1, nd).all(axis=1)
-        found[:, problem.nx + np.array(mixed)] = holds[:, mixed]
+        over = (away / path_sizes(problem)).reshape(len(found), -1, nd)
+        found[:, problem.nx + np.array(mixed)] = over[:, :, mixed].max(axis=1) <= _HOLDS
     return found
 
 

@@ -58,7 +58,8 @@ def cost_scale(problem: ProblemFunctions, times: Array, x: Array, u: Array, dura
     if (found := problem.instants) is not None:
         X, size = _at_instants(problem, times / duration, x)
         slopes = np.array(_row_slopes(found.cost, (arguments := found.cost.sx_in()), arguments[0])(X, p).full())[0]
-        changes.append(_change(*np.split(slopes, 2), size))
+        slopes, curvatures = np.split(slopes, 2)
+        changes.append(_change(slopes, curvatures, size))
     scale = _power_of_ten(_largest(changes), _ORDINARY_COST)
     return scale / _LARGE if scale > 1.0 else scale
 

@@ -58,7 +58,7 @@ class Timing:
     @property
     def total_ms(self) -> float:
         """The whole time [ms]."""
-        return sum(astuple(self))
+        return float(sum(astuple(self)))
 
     def __repr__(self) -> str:
         """One line."""

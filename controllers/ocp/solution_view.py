@@ -8,7 +8,7 @@ from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.multipliers import Multipliers
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.nlp_solver import SolverOutcome
 
 
@@ -44,6 +44,12 @@ class SolutionView(Protocol):
     def parameters(self) -> Array: ...
     @property
     def duration(self) -> float: ...
+    @property
+    def nodes(self) -> int: ...
+    @property
+    def instant_nodes(self) -> Integers: ...
+    @property
+    def at_instants(self) -> Array: ...
     @property
     def t(self) -> Array: ...
     @property

@@ -151,8 +151,9 @@ def first_order_constraints(problem: ProblemFunctions) -> NDArray[np.bool_]:
     held, linear = ca.vertcat(problem.path(x, u, t, p), x[bounded_states(problem), :]), linear_controls(problem)
     rate = ca.jtimes(held, x, problem.dynamics(x, u, t, p))
     enters = np.array(ca.DM(ca.jacobian_sparsity(rate, u), 1.0).full(), dtype=bool).reshape(held.numel(), problem.nu)
-    pure = ~np.array(ca.DM(ca.jacobian_sparsity(held, u), 1.0).full(), dtype=bool).reshape(enters.shape).any(axis=1)
-    return np.asarray(enters & linear & pure[:, None])
+    mixed = np.array(ca.DM(ca.jacobian_sparsity(held, u), 1.0).full(), dtype=bool).reshape(enters.shape)
+    pure = ~mixed.any(axis=1, keepdims=True)
+    return np.asarray(enters & linear & pure)
 
 
 def without_structure(problem: ProblemFunctions) -> Structure:

@@ -28,6 +28,7 @@ from mathnavi.controllers.ocp.verification.escape import escaped
 from mathnavi.controllers.ocp.verification.second_order import SecondOrder, second_order
 from mathnavi.controllers.ocp.verification.verdict import Evidence, judge
 from mathnavi.controllers.ocp.verification.weierstrass import control_without_minimum
+from mathnavi.interfaces.signals import Array
 
 Again = Callable[[Solution, Options | None], Solution]
 """the method once more, from a solution, with options or with its own"""
@@ -98,6 +99,10 @@ def _limited(options: Options | None, timing: Timing) -> Options:
 
 class _Verification:
     """A solution, and the evidence about it so far."""
+
+    solution: Solution
+    evidence: Evidence
+    _direction: Array | None
 
     def __init__(self, solution: Solution, again: Again | None, options: Options, budget: Budget) -> None:
         self._again, self._limit, self._budget = again, options, budget

@@ -270,7 +270,8 @@ class MultiPhaseProblem:
     ) -> None:
         """Let the states that two phases share by name go on from the end of one to the start of the other.
 
-        An integral begins anew in each phase. A state that the other phase starts itself ends there too, less its jump.
+        An integral starts from 0 in each phase. A state that the other phase starts itself ends there too, less the
+        jump.
 
         Args:
             before: phase whose end is linked.
@@ -292,7 +293,7 @@ class MultiPhaseProblem:
             raise ProblemError(f"{where}: no state in common; allowed: phases with states of the same name")
         if not shared:
             raise ProblemError(
-                f"{where}: {', '.join(v.name for v in common)}: integrals, which begin anew in {after.name}; "
+                f"{where}: {', '.join(v.name for v in common)}: integrals, which start from 0 in {after.name}; "
                 "allowed: at least one other state of both phases"
             )
         if strangers := [str(name) for name in jumps if name not in [v.name for v in shared]]:
@@ -446,7 +447,7 @@ def _why_it_cannot_jump(name: str, before: OptimalControlProblem, after: Optimal
         if name in [v.name for v in statement.states] and name not in other.statement.names:
             return f"a state of {phase.name} only"
     return (
-        f"an integral, which begins anew in {after.name}"
+        f"an integral, which starts from 0 in {after.name}"
         if name in after.statement.integrals
         else "no state of either phase"
     )

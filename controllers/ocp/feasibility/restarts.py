@@ -40,6 +40,8 @@ def with_restarts(
     tolerance: float,
     options: Options,
     budget: Budget,
+    *,
+    given_mesh: bool,
 ) -> Solution:
     """Solve a problem from a guess and, where that leads to no feasible point, from other ones.
 
@@ -51,6 +53,7 @@ def with_restarts(
         tolerance: of the replay of a restart's solution with which the method itself cannot go on.
         options: solver, and the number of restarts.
         budget: CPU time of the whole call.
+        given_mesh: True where another mesh or scheme than the method's is no answer: the first failure is returned.
 
     Returns:
         The first solution. Where every start ends at a stationary point of the constraints, NO_FEASIBLE_POINT with
@@ -82,6 +85,8 @@ def with_restarts(
             solved = again(found)
             if not solved.solved and solved.status is not SolverOutcome.UNBOUNDED:
                 solved = replayed(found, tolerance)
+                if given_mesh and solved.status is not SolverOutcome.NOT_FINITE:
+                    return dataclasses.replace(failed, timing=timing + solved.timing)
             message = f"from restart {tried} ({what}): {solved.message}"
             return dataclasses.replace(solved, message=message, timing=timing + solved.timing)
         if found.status is SolverOutcome.NO_FEASIBLE_POINT:

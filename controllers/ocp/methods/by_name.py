@@ -95,10 +95,11 @@ def solve_by(
     if not replay:
         return chosen(guess, replay=False)
     within = tolerance if tolerance is not None else TOLERANCE if nodes is None else GIVEN_NODES
-    found = with_restarts(problem, chosen, guess, parameters, within, DEFAULT if options is None else options, budget)
+    given_mesh = nodes is not None or monitor is not None or scheme is not None
+    own = DEFAULT if options is None else options
+    found = with_restarts(problem, chosen, guess, parameters, within, own, budget, given_mesh=given_mesh)
     if found.surface_nodes:  # judged with nodes that move with the surfaces
         return dataclasses.replace(found, solved_programme=None)
-    given_mesh = nodes is not None or monitor is not None or scheme is not None
     adaptive = method == "hp" or (method == "auto" and not given_mesh and found.method == "hp")
 
     def again(start: Solution, limited: Options | None) -> Solution:

@@ -363,11 +363,11 @@ def test_equations_of_constants_that_contradict_each_other_are_too_many() -> Non
                 b.integral(1, name="w"),
                 problem.link(a, b, jumps={"w": 1}),
             ],
-            "jump of w: w is an integral, which begins anew in b; allowed: jumps of x, v, the states of both",
+            "jump of w: w is an integral, which starts from 0 in b; allowed: jumps of x, v, the states of both",
         ),
         (
             lambda problem, a, b: problem.link(counting(problem, "c"), counting(problem, "d")),
-            "c to d: w: integrals, which begin anew in d; allowed: at least one other state of both phases",
+            "c to d: w: integrals, which start from 0 in d; allowed: at least one other state of both phases",
         ),
         (lambda problem, a, b: problem.link(a, bare(problem)), "a to bare: no state in common; allowed: phases with"),
         (lambda problem, a, b: problem.unknown("x"), "a: variable 'x' is empty or taken"),

@@ -8,6 +8,7 @@ from typing import TypedDict
 class Details(TypedDict, total=False):
     """Fields of ``PublishedOptimum`` that are stated beside a statement; each as there."""
 
+    origin: float
     singular: bool
     same_as: str
     note: str

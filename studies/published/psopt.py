@@ -8,6 +8,7 @@ Statements and independent values are in the modules that are merged here, by th
 
 from __future__ import annotations
 
+from mathnavi.studies.published import psopt_flight, psopt_mechanics, psopt_processes
 from mathnavi.studies.published.details import Details
 from mathnavi.studies.published.optimum import PublishedOptimum, Statement
 
@@ -75,9 +76,21 @@ MANUAL = {
 }
 """cost of an example, as the manual of application examples (13 August 2026) prints it"""
 
-STATEMENTS: dict[str, Statement] = {}
-INDEPENDENT: dict[str, tuple[float, str]] = {}
-DETAILS: dict[str, Details] = {}
+STATEMENTS: dict[str, Statement] = {
+    **psopt_flight.STATEMENTS,
+    **psopt_mechanics.STATEMENTS,
+    **psopt_processes.STATEMENTS,
+}
+INDEPENDENT: dict[str, tuple[float, str]] = {
+    **psopt_flight.INDEPENDENT,
+    **psopt_mechanics.INDEPENDENT,
+    **psopt_processes.INDEPENDENT,
+}
+DETAILS: dict[str, Details] = {
+    **psopt_flight.DETAILS,
+    **psopt_mechanics.DETAILS,
+    **psopt_processes.DETAILS,
+}
 
 
 def _published(name: str) -> PublishedOptimum:

@@ -1,0 +1,14 @@
+"""What is said of a published problem beside its value and statement."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+
+class Details(TypedDict, total=False):
+    """Fields of ``PublishedOptimum`` that are stated beside a statement; each as there."""
+
+    origin: float
+    singular: bool
+    same_as: str
+    note: str

@@ -8,7 +8,16 @@ Statements and independent values are in the modules that are merged here, by th
 
 from __future__ import annotations
 
-from mathnavi.studies.published import psopt_flight, psopt_mechanics, psopt_processes
+from mathnavi.studies.published import (
+    psopt_fits,
+    psopt_flight,
+    psopt_guidance,
+    psopt_mechanics,
+    psopt_processes,
+    psopt_robots,
+    psopt_spacecraft,
+    psopt_switching,
+)
 from mathnavi.studies.published.details import Details
 from mathnavi.studies.published.optimum import PublishedOptimum, Statement
 
@@ -77,19 +86,34 @@ MANUAL = {
 """cost of an example, as the manual of application examples (13 August 2026) prints it"""
 
 STATEMENTS: dict[str, Statement] = {
+    **psopt_fits.STATEMENTS,
     **psopt_flight.STATEMENTS,
+    **psopt_guidance.STATEMENTS,
     **psopt_mechanics.STATEMENTS,
     **psopt_processes.STATEMENTS,
+    **psopt_robots.STATEMENTS,
+    **psopt_spacecraft.STATEMENTS,
+    **psopt_switching.STATEMENTS,
 }
 INDEPENDENT: dict[str, tuple[float, str]] = {
+    **psopt_fits.INDEPENDENT,
     **psopt_flight.INDEPENDENT,
+    **psopt_guidance.INDEPENDENT,
     **psopt_mechanics.INDEPENDENT,
     **psopt_processes.INDEPENDENT,
+    **psopt_robots.INDEPENDENT,
+    **psopt_spacecraft.INDEPENDENT,
+    **psopt_switching.INDEPENDENT,
 }
 DETAILS: dict[str, Details] = {
+    **psopt_fits.DETAILS,
     **psopt_flight.DETAILS,
+    **psopt_guidance.DETAILS,
     **psopt_mechanics.DETAILS,
     **psopt_processes.DETAILS,
+    **psopt_robots.DETAILS,
+    **psopt_spacecraft.DETAILS,
+    **psopt_switching.DETAILS,
 }
 
 

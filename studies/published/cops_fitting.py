@@ -113,7 +113,8 @@ GASOIL = np.array(
 def gasoil() -> OptimalControlProblem:
     """Catalytic cracking of gas oil: three rates from 21 readings of two concentrations (COPS 3, problem 12).
 
-    minimise Σ_j |y(τ_j) - z_j|^2   subject to   y1' = -(θ1 + θ3) y1^2,   y2' = θ1 y1^2 - θ2 y2,   θ >= 0,   y(0) = (1, 0)
+    minimise Σ_j |y(τ_j) - z_j|^2   subject to   y1' = -(θ1 + θ3) y1^2,   y2' = θ1 y1^2 - θ2 y2,
+                                                 θ >= 0,   y(0) = (1, 0)
     """
     ocp = OptimalControlProblem("gasoil")
     y = ocp.state("y", 2)

@@ -12,7 +12,7 @@ from mathnavi.studies.published.cops_paths import camshape, catmix, chain, chann
 from mathnavi.studies.published.optimum import PublishedOptimum
 
 REPORT = "COPS 3 report (ANL/MCS-TM-273, 2004), quoted in COPSBenchmark.jl, test/runtests.jl"
-SHOOTING = "single shooting, DOP853 and Radau IIA, least squares from several starts"
+SHOOTING = "single shooting, by DOP853 from five starts and by Radau IIA; bounded least squares"
 
 PUBLISHED: dict[str, PublishedOptimum] = {
     "COPS: camshape": PublishedOptimum(
@@ -47,7 +47,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         marine,
         independent=19746529.716,
         evidence="matrix exponentials, y(0) eliminated, least squares from four starts",
-        note="the printed value is that of the midpoint rule",
+        note="printed for the midpoint rule with 100 intervals",
     ),
     "COPS: channel": PublishedOptimum(
         "1.0",
@@ -95,7 +95,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         evidence="Radau IIA, 98 x 6, and Gauss-Legendre, 127 x 6, on three arcs",
         quantity="x(T)",
         sign=-1.0,
-        note="the printed value is that of the trapezoidal rule, which overestimates",
+        note="printed for the trapezoidal rule with 100 intervals",
     ),
     "COPS: gasoil": PublishedOptimum(
         "5.2366e-3", f"{REPORT}: 100 intervals", gasoil, independent=5.2365958339e-3, evidence=SHOOTING

@@ -21,8 +21,8 @@ def camshape() -> MultiPhaseProblem:
             Θ = 2π/5,   r = 1 for θ <= 0,   r(Θ) = 2,   R_v = 1
 
     r is the radius over the angle. The first constraint, on the curvature, is r'' <= (r^2 + 2 r'^2) / r; so r' may fall
-    in a corner: two phases, the rise and the dwell, and r' of the dwell begins at or below that of the rise. It is best to
-    rise along a straight edge, r = 1 / cos θ, until r' = 1.5, then along a spiral, and to dwell at r = 2.
+    in a corner: two phases, the rise and the dwell, and r' of the dwell begins at or below that of the rise. The best
+    cam rises along a straight edge, r = 1 / cos θ, until r' = 1.5, then along a spiral, and dwells at r = 2.
     """
     ANGLE, SLOPE, VALVE = 2.0 * math.pi / 5.0, 1.5, 1.0  # [rad]
     LEAST, MOST = 1.0, 2.0

@@ -34,7 +34,12 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         "8.89e+00", LIST, beam, independent=8.8888888889, evidence="closed form: 8 / (9 L), L = 0.1"
     ),
     "Bocop: bioreactor_1day_periodic": PublishedOptimum(
-        "-6.14e-01", LIST, bioreactor_1day_periodic, singular=True, note="BIO_NOTE"
+        "-6.14e-01",
+        LIST,
+        bioreactor_1day_periodic,
+        independent=-0.61413472602,
+        evidence="Radau IIA, 34 x 6 and 54 x 7, and Gauss-Legendre, 34 x 5, on an arc without dilution at either end",
+        singular=True,
     ),
     "Bocop: fuller": PublishedOptimum(
         "2.68e-01",

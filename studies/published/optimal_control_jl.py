@@ -256,7 +256,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         "the two numbers that are to be chosen by Nelder and Mead, RK45 at 1e-11",
         quantity="h(T)",
         sign=-1.0,
-        note="the design that dymos prints, 0.144 kg and 0.98 l, flies 53.45 m here as there: it is no optimum",
+        note="the design that dymos prints, 0.144 kg and 0.98 l, flies 53.45 m here too: it is no optimum",
     ),
     "dymos: water rocket, range": PublishedOptimum(
         "85.11",
@@ -266,6 +266,6 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         "the three numbers that are to be chosen by Nelder and Mead, RK45 at 1e-11",
         quantity="r(T)",
         sign=-1.0,
-        note="the design that dymos prints, 0.189 kg, 1.026 l and 46 deg, flies 85.13 m here as there: it is no optimum",
+        note="the design that dymos prints, 0.189 kg, 1.026 l and 46 deg, flies 85.13 m here too: it is no optimum",
     ),
 }

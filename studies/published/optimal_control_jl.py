@@ -33,7 +33,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         note="take-off climb alone, from V_1",
     ),
     "OptimalControl.jl: beam": PublishedOptimum(
-        "8.88928", f"{PAGES}/beam.html", mechanics.beam, 8.0 / 0.9, "closed form: 8 / (9 L)"
+        "8.88928", f"{PAGES}/beam.html", independent=8.0 / 0.9, evidence="closed form: 8 / (9 L)", same_as="Bocop: beam"
     ),
     "OptimalControl.jl: bioreactor": PublishedOptimum(
         "-12.9257",
@@ -143,9 +143,9 @@ PUBLISHED: dict[str, PublishedOptimum] = {
     "OptimalControl.jl: Robbins": PublishedOptimum(
         "19.4666",
         f"{PAGES}/robbins.html",
-        mechanics.robbins,
-        19.43178195,
-        "cubic controls between 1, 2, 3 and 4 contacts, Radau IIA and Gauss-Legendre of 5 points",
+        independent=19.43178195,
+        evidence="cubic controls between 1, 2, 3 and 4 contacts, Radau IIA and Gauss-Legendre of 5 points",
+        same_as="Bocop: robbins",
         note="trapezoids on 500 intervals miss the contacts: 0.2% above the optimum",
     ),
     "OptimalControl.jl: Robertson": PublishedOptimum(
@@ -194,9 +194,9 @@ PUBLISHED: dict[str, PublishedOptimum] = {
     "OptimalControl.jl: van der Pol": PublishedOptimum(
         "1.04781",
         f"{PAGES}/vanderpol.html",
-        mechanics.van_der_pol,
-        1.04780690822,
-        "Radau IIA and Gauss-Legendre of 5 points, 40 intervals",
+        independent=1.04780690822,
+        evidence="Radau IIA and Gauss-Legendre of 5 points, 40 intervals",
+        same_as="Bocop: vanderpol",
     ),
     "OptimalControl.jl: water rocket": PublishedOptimum(
         "",

@@ -40,7 +40,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         f"{PAGES}/bioreactor.html",
         processes.bioreactor,
         singular=True,
-        note="the page is for 20 days; ext/OptimalControlModels had 30 days and Bocop has them",
+        note="20 days, as on the page; Bocop has 30. Four independent transcriptions lie between -12.9243 and -12.9254",
     ),
     "OptimalControl.jl: brachistochrone": PublishedOptimum(
         "1.80293", f"{PAGES}/brachistochrone.html", quantity="T", same_as="collection: brachistochrone, drop"

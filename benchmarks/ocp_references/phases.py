@@ -9,7 +9,8 @@ no point:
 A control has a value at each point, or is a polynomial of a lower degree that is within its limits between the points,
 as a singular arc needs it. Where controls jump, the widths of the intervals are unknowns too: a boundary moves to the
 jump. With controls of degree 0 or 1 the optimum is then an upper bound of J; with a value at each point it would profit
-from the errors of wide intervals. What is stated at given times, and the known kinks of tables of the time, are boundaries that do not move.
+from the errors of wide intervals. What is stated at given times, and the known kinks of tables of the time, are
+boundaries that do not move.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ and controls are divided by the problem's scales; the guess is the problem's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -80,16 +81,15 @@ def _optimum(problem: ProblemFunctions, count: int, guess: _Found | None, tolera
         np.concatenate([zeros, np.tile(side, count * k), i, s])
         for side, i, s in zip(problem.path_bounds, problem.initial_bounds, problem.final_bounds, strict=True)
     ]
-    bounds = [
-        np.concatenate([np.tile(xs / problem.state_scale, count * k + 1), np.tile(us / problem.control_scale, count * k),
-                        [end / T_0]])
-        for xs, us, end in zip(problem.state_bounds, problem.control_bounds, (shortest, longest), strict=True)
-    ]  # fmt: skip
+    bounds = []
+    for xs, us, end in zip(problem.state_bounds, problem.control_bounds, (shortest, longest), strict=True):
+        x_side, u_side = xs / problem.state_scale, us / problem.control_scale
+        bounds.append(np.concatenate([np.tile(x_side, count * k + 1), np.tile(u_side, count * k), [end / T_0]]))
     x_0, u_0 = _start(problem, fractions, guess)
     w = ca.vertcat(ca.vec(X), ca.vec(U), theta)
-    solver = ca.nlpsol(
-        "collocation", "ipopt", {"x": w, "f": cost, "g": ca.vertcat(*g)}, IPOPT | {"ipopt.tol": tolerance}
-    )
+    nlp: dict[str, Any] = {"x": w, "f": cost, "g": ca.vertcat(*g)}
+    options: dict[str, Any] = IPOPT | {"ipopt.tol": tolerance}
+    solver = ca.nlpsol("collocation", "ipopt", nlp, options)
     start = np.concatenate([x_0.ravel("F"), u_0.ravel("F"), [1.0]])
     answer = solver(x0=start, lbx=bounds[0], ubx=bounds[1], lbg=limits[0], ubg=limits[1])
     if not solver.stats()["success"]:

@@ -4,11 +4,11 @@
 
 Each solver states the problem in its own terms, with the same scales and the same coarse guess, and uses its own
 refinement; ours is ``solve()``, which chooses its method and looks for the witnesses of its status. The peers are
-MAPTOR, to which the claim refers, dymos, and collocation as a user of CasADi writes it (``ocp_collocation``). Each runs in a separate process for each problem
-(``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and every solution is replayed in the same way
-(``ocp_trajectory``). Two solvers are compared at the finest level of accuracy, of 1e-3, 1e-4, 1e-5 and 1e-6, that both
-reached within the time limit. The accuracy is the largest of the errors of J and of the replayed J, the replay's miss
-and its violation of bounds.
+MAPTOR, to which the claim refers, dymos, and collocation as a user of CasADi writes it (``ocp_collocation``). Each runs
+in a separate process for each problem (``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and every solution is
+replayed in the same way (``ocp_trajectory``). Two solvers are compared at the finest level of accuracy, of 1e-3, 1e-4,
+1e-5 and 1e-6, that both reached within the time limit. The accuracy is the largest of the errors of J and of the
+replayed J, the replay's miss and its violation of bounds.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ def _attempt(line: Mapping[str, Any]) -> Attempt:
 
 
 def contenders(problem: str) -> list[str]:
-    """Return the solvers for a problem: ``solve()``; MAPTOR and dymos, if installed, dymos for ``SMALL`` only; CasADi."""
+    """Return the solvers for a problem: ``solve()``, CasADi, and of MAPTOR and dymos, for ``SMALL``, what is installed."""
     peers = [name for name in ("maptor", "dymos") if find_spec(name)]
     return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL), "collocation"]
 

@@ -53,6 +53,6 @@ def _compared(name: str, problem: Stated, mesh: Mesh, start: Collocated | None) 
     if optimum is None:
         return [*cells, f"{apart:.0e}", "none", ""], False
     known = entry.sign * optimum
-    error = max(relative_error(entry, value, known) for value in values)
-    agrees = math.isfinite(error) and max(apart, error) <= precision(name)
-    return [*cells, f"{apart:.0e}", f"{known:.10g}", f"{error:.0e}"], agrees
+    off = max(relative_error(entry, value, known) for value in values)
+    agrees = math.isfinite(off) and max(apart, off) <= precision(name)
+    return [*cells, f"{apart:.0e}", f"{known:.10g}", f"{off:.0e}"], agrees

@@ -47,7 +47,7 @@ def test_what_is_stated_at_a_time_is_a_boundary() -> None:
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
     ocp.end(x, 1.0), ocp.end(v, 0.0)
-    ocp.at(0.3).constrain(x == 0.5)
+    ocp.at(0.4).constrain(x == 0.5)
     ours = ocp.solve()
     for found in witness(ocp, Mesh(5, 4)):
         assert found.cost == pytest.approx(ours.cost, rel=1e-8)
@@ -65,7 +65,7 @@ def test_a_switch_is_found_where_widths_are_unknowns() -> None:
 
 
 def test_what_has_no_solution_is_named() -> None:
-    ocp, (x, v, u) = double_integrator("too far")
+    ocp, (x, _, u) = double_integrator("too far")
     ocp.duration(0.1)
     ocp.minimise(running=u**2)
     ocp.end(x, 1.0)

@@ -1,6 +1,6 @@
 """Attempts of one solver on one problem: a script that prints a line of JSON for each tolerance.
 
-    python -m benchmarks.ocp_attempts ours|maptor|dymos PROBLEM REPETITIONS SECONDS
+    python -m benchmarks.ocp_attempts ours|maptor|dymos|collocation PROBLEM REPETITIONS SECONDS
 
 The tolerances become finer until the replay is within the problem's precision. An attempt that reaches a finer level of
 accuracy than those before it is repeated to measure its time. Times are CPU times of the process
@@ -28,7 +28,13 @@ from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 
 Solve = Callable[[ProblemFunctions, float], Trajectory | None]
 
-MODULES = {"ours": "benchmarks.ocp_ours", "maptor": "benchmarks.ocp_maptor", "dymos": "benchmarks.ocp_dymos"}
+MODULES = {
+    "ours": "benchmarks.ocp_ours",
+    "maptor": "benchmarks.ocp_maptor",
+    "dymos": "benchmarks.ocp_dymos",
+    "collocation": "benchmarks.ocp_collocation",
+}
+PACKAGES = {"maptor", "dymos"}  # whose import is not in their time
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)  # that a software is given, in this order
 LEVELS = (1e-3, 1e-4, 1e-5, 1e-6)  # of accuracy that are distinguished
 
@@ -80,7 +86,7 @@ def _timed(solve: Solve, problem: ProblemFunctions, tolerance: float) -> tuple[T
 def main(software: str, problem: str, repetitions: int, limit: int) -> None:
     solve: Solve = import_module(MODULES[software]).solved
     ca.load_nlpsol("ipopt")  # what is loaded once in a process is not in the first time
-    if software != "ours":
+    if software in PACKAGES:
         import_module(software)
     soft, hard = math.ceil(time.process_time()) + limit, resource.getrlimit(resource.RLIMIT_CPU)[1]
     resource.setrlimit(resource.RLIMIT_CPU, (soft, hard))  # ended by SIGXCPU

@@ -1,4 +1,7 @@
-"""A problem of ``mathnavi.controllers.ocp`` solved by ``solve()`` with the method that it chooses."""
+"""A problem of ``mathnavi.controllers.ocp`` solved by ``solve()`` with the method that it chooses.
+
+Witnesses of the status, whatever ``solve()`` looks for before it calls a solution optimal, are in its time.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,7 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
     """Return the solution for a ``tolerance`` of its replay, whether it meets it or not; None if the solver failed."""
     unknown = dataclasses.replace(problem)  # the same problem as one that no cache has seen
-    solution = solve_by(
-        unknown, None, "auto", None, guess=None, parameters=problem.nominal, tolerance=tolerance
-    )  # as ``OptimalControlProblem.solve()`` does, witnesses included
+    solution = solve_by(unknown, None, "auto", None, guess=None, parameters=problem.nominal, tolerance=tolerance)
     if not solution.solved:
         return None
     points = tuple(np.array(own_points(solution.scheme, i)) for i in range(solution.nodes - 1))

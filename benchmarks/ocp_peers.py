@@ -1,13 +1,14 @@
-"""Optimal control problems with known optima: CPU time to the same replayed accuracy, compared with MAPTOR and dymos.
+"""Optimal control problems with known optima: CPU time to the same replayed accuracy, compared with other software.
 
     python -m benchmarks.ocp_peers [--repetitions 3] [--limit 60] [--dymos-limit 20] [--problems NAME NAME ...]
 
 Each solver states the problem in its own terms, with the same scales and the same coarse guess, and uses its own
-refinement; ours is ``solve()``, which chooses its method. Each runs in a separate process for each problem
-(``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and every solution is replayed in the same way
-(``ocp_trajectory``). Two solvers are compared at the finest level of accuracy, of 1e-3, 1e-4, 1e-5 and 1e-6, that both
-reached within the time limit. The accuracy is the largest of the errors of J and of the replayed J, the replay's miss
-and its violation of bounds.
+refinement; ours is ``solve()``, which chooses its method and looks for the witnesses of its status. The peers are
+MAPTOR, to which the claim refers, dymos, and collocation as a user of CasADi writes it (``ocp_collocation``). Each runs
+in a separate process for each problem (``ocp_attempts``), with tolerances from 1e-3 to 1e-8, and every solution is
+replayed in the same way (``ocp_trajectory``). Two solvers are compared at the finest level of accuracy, of 1e-3, 1e-4,
+1e-5 and 1e-6, that both reached within the time limit. The accuracy is the largest of the errors of J and of the
+replayed J, the replay's miss and its violation of bounds.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import TOGETHER
 
 OURS = "ours"
-SHOWN = {OURS: "ours", "maptor": "MAPTOR", "dymos": "dymos, SLSQP"}
+SHOWN = {OURS: "ours", "maptor": "MAPTOR", "dymos": "dymos, SLSQP", "collocation": "CasADi, Radau"}
 AT_MOST = 0.2  # of MAPTOR's time: the claim
 SMALL = (
     "brachistochrone", "Bryson-Denham", "double integrator, energy", "double integrator, time", "target line",
@@ -49,7 +50,7 @@ SMALL = (
 
 @configuration
 class Arguments:
-    """Compare ``solve()`` with MAPTOR and dymos."""
+    """Compare ``solve()`` with MAPTOR, dymos and plain collocation."""
 
     problems: Annotated[tuple[str, ...], TOGETHER] = tuple(PROBLEMS)
     """names of the problems"""
@@ -125,6 +126,20 @@ class PeerFindings:
             rows.append(Comparison(what, "ms", mine_ms, other_ms, SHOWN[entry.software], "ours / other"))
         return rows
 
+    def medians(self) -> dict[str, tuple[float, int]]:
+        """Return the median of our time over each peer's, and of how many problems, over those that both solve."""
+        ratios: dict[str, list[float]] = {}
+        for row in self.comparisons():
+            ratios.setdefault(row.software, []).append(row.ratio)
+        return {software: (float(np.median(own)), len(own)) for software, own in ratios.items()}
+
+    def beside(self) -> list[str]:
+        """Return the medians in words."""
+        return [
+            f"our time over that of {software}: {median:.3g}, median of {count} problems"
+            for software, (median, count) in self.medians().items()
+        ]
+
     def claims(self) -> list[dict[str, Any]]:
         """Return the claim on MAPTOR's time, over the problems on which both reached a level."""
         ratios = [row.ratio for row in self.comparisons() if row.software == SHOWN["maptor"]]
@@ -148,9 +163,13 @@ class PeerFindings:
                 f"{claim['id']}: {claim['statement']}: {claim['measured']:.3g}, wanted {claim['expected']}: {sign}"
             )
 
+        for line in self.beside():
+            console.print(line, markup=False)
+
     def plain(self) -> dict[str, Any]:
         return {
             "claims": self.claims(),
+            "medians": self.medians(),
             "entries": [
                 {
                     "problem": entry.problem,
@@ -198,9 +217,9 @@ def _attempt(line: Mapping[str, Any]) -> Attempt:
 
 
 def contenders(problem: str) -> list[str]:
-    """Return the solvers for a problem: ``solve()``; MAPTOR, if installed; dymos, if installed, for ``SMALL`` only."""
+    """Return the solvers for a problem: ``solve()``, CasADi, and of MAPTOR and dymos, for ``SMALL``, what is installed."""
     peers = [name for name in ("maptor", "dymos") if find_spec(name)]
-    return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL)]
+    return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL), "collocation"]
 
 
 def peers_table(findings: PeerFindings, software: Mapping[str, str], machine: Mapping[str, Any]) -> str:
@@ -222,6 +241,7 @@ def peers_table(findings: PeerFindings, software: Mapping[str, str], machine: Ma
     lines += [
         f"{claim['statement']}: **{claim['measured']:.3g}**, wanted {claim['expected']}." for claim in findings.claims()
     ]
+    lines += ["", *(f"- {line}" for line in findings.beside())]
     versions = machine["versions"]
     named = ", ".join(f"{name} {versions[name]}" for name in ("casadi", "maptor", "dymos") if versions.get(name))
     load = machine["load_before"][0]

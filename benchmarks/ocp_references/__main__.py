@@ -1,10 +1,12 @@
 """The known optima of the library, each computed again by two independent methods.
 
     python -m benchmarks.ocp_references [--problems NAME NAME ...]
+    python -m benchmarks.ocp_references --published all|NAME NAME ... [--intervals 60] [--degree 5]
 
 A problem with a closed-form solution is computed from that and by collocation with Radau IIA, any other by Radau IIA
 and by Gauss-Legendre, whose points and degrees differ. The exit code is 1 unless both methods and the library agree to
-1e-7, relative to the optimum's distance from its origin.
+1e-7, relative to the optimum's distance from its origin. ``--published`` does the same for published problems
+(``benchmarks.ocp_references.published``).
 
 Optima that are known in closed form, or up to a quadrature or a root.
 """
@@ -18,6 +20,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 from rich.console import Console
 from rich.table import Table
 from scipy.integrate import quad
@@ -27,11 +30,14 @@ from benchmarks.arguments import read_arguments
 from benchmarks.comparison import WIDTH
 from benchmarks.ocp_references.chains import CHAINS
 from benchmarks.ocp_references.collocation import gauss, radau
+from benchmarks.ocp_references.phases import Mesh
+from benchmarks.ocp_references.published import compare
 from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
-from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.bounds import Within, configuration
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import TOGETHER
+from mathnavi.studies.published.library import PUBLISHED
 
 
 def cycloid(across: float, drop: float, gravity: float) -> float:
@@ -115,8 +121,25 @@ class Arguments:
 
     problems: Annotated[tuple[str, ...], TOGETHER] = tuple(CHAINS)
     """names of the problems"""
+    published: Annotated[tuple[str, ...], TOGETHER] = ()
+    """names of published problems instead, or all"""
+    intervals: Annotated[int, Within(Ge(1), allowed=">= 1")] = 60
+    """number of intervals of each phase of a published problem"""
+    degree: Annotated[int, Within(Ge(1), Le(12), allowed="1 to 12")] = 5
+    """number of points of an interval of a published problem"""
+    control_degree: Annotated[int, Within(Ge(-1), Le(11), allowed="-1 to 11")] = -1
+    """degree of the controls of a published problem in an interval; -1: a value at each point"""
+    moving: bool = False
+    """whether the widths of the intervals are unknowns, for controls of a lower degree"""
+    from_solve: bool = False
+    """whether a published problem starts from the answer of solve()"""
 
     def __post_init__(self) -> None:
+        if self.moving and self.control_degree < 0:
+            raise FieldError("moving = True, control_degree = -1; allowed: control_degree >= 0, or nothing that moves")
+        for name in self.published:
+            if name != "all" and name not in PUBLISHED:
+                raise FieldError(f"published: {name!r}; {allowed_for(name, list(PUBLISHED))}")
         for name in self.problems:
             if name not in CHAINS:
                 raise FieldError(f"problems: {name!r}; {allowed_for(name, list(CHAINS))}")
@@ -166,6 +189,11 @@ def agreement(name: str) -> Agreement:
 def main(arguments: Arguments) -> int:
     """Print the table; returns the exit code."""
     console = Console(width=WIDTH)
+    if arguments.published:
+        degree = None if arguments.control_degree < 0 else arguments.control_degree
+        mesh = Mesh(arguments.intervals, arguments.degree, degree, arguments.moving)
+        chosen = list(PUBLISHED) if "all" in arguments.published else list(arguments.published)
+        return compare(chosen, mesh, console, from_solve=arguments.from_solve)
     table = Table(title="Known optima, computed twice")
     for heading in ("problem", "by", "value", "by", "value", "difference", "library"):
         table.add_column(heading, justify="left" if heading in ("problem", "by") else "right", no_wrap=True)

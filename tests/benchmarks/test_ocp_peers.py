@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks import ocp_ours
+from benchmarks import ocp_collocation, ocp_ours
 from benchmarks.ocp_attempts import MODULES, Attempt, attempts, level
 from benchmarks.ocp_peers import OURS, SMALL, Arguments, Entry, PeerFindings
 from benchmarks.ocp_trajectory import Trajectory, ends, judge
@@ -112,3 +112,18 @@ def test_bad_arguments_are_refused() -> None:
     assert long.limit_of("dymos") == 60
     with pytest.raises(ValueError, match="problems = moon landing; allowed: brachistochrone"):
         Arguments(problems=("moon landing",))
+
+
+def test_plain_collocation_refines_until_its_cost_settles_and_a_failure_is_no_result() -> None:
+    known = PROBLEMS["double integrator, time"]  # a switch at an unknown time
+    coarse, fine = (ocp_collocation.solved(known.problem(), tolerance) for tolerance in (1e-2, 1e-4))
+    assert coarse is not None
+    assert fine is not None
+    assert len(fine.nodes) >= len(coarse.nodes)
+    assert judge(fine, known).cost_error < 1e-3
+    smooth = PROBLEMS["steering"]
+    found = ocp_collocation.solved(smooth.problem(), 1e-6)
+    assert found is not None
+    assert judge(found, smooth).accuracy < 1e-5
+    unbounded = dataclasses.replace(smooth.problem(), duration_bounds=(1e-3, 1e-3), guess_duration=1e-3)
+    assert ocp_collocation.solved(unbounded, 1e-4) is None

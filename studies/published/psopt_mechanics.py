@@ -306,7 +306,8 @@ def interior_point() -> MultiPhaseProblem:
 def isoperimetric() -> OptimalControlProblem:
     """A control whose energy is given: an isoperimetric constraint (PROPT).
 
-        minimise ∫_0^1 x dt   subject to   x' = -sin x + u,   ∫_0^1 u^2 dt = 10,   |x| <= 10,   |u| <= 4,   x = 1 to x = 0
+        minimise ∫_0^1 x dt   subject to   x' = -sin x + u,   ∫_0^1 u^2 dt = 10,   |x| <= 10,   |u| <= 4,
+                                           x = 1 to x = 0
 
     u rests on its lower bound at first: J* = -0.37.
     """

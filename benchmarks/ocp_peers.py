@@ -217,7 +217,7 @@ def _attempt(line: Mapping[str, Any]) -> Attempt:
 
 
 def contenders(problem: str) -> list[str]:
-    """Return the solvers for a problem: ``solve()``, CasADi, and of MAPTOR and dymos, for ``SMALL``, what is installed."""
+    """Return the solvers for a problem: ours, CasADi and, if installed, MAPTOR and, for ``SMALL`` only, dymos."""
     peers = [name for name in ("maptor", "dymos") if find_spec(name)]
     return [OURS, *(name for name in peers if name != "dymos" or problem in SMALL), "collocation"]
 

@@ -19,6 +19,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,7 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.ocp_references.collocation import NoReferenceError, coefficients, gauss, lagrange, radau
 from mathnavi.controllers.ocp.breaks import break_fractions
+from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.guesses import Derived
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem, MultiPhaseSolution
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
@@ -37,7 +39,7 @@ from mathnavi.interfaces.signals import Array
 Stated = OptimalControlProblem | MultiPhaseProblem
 
 LIMITS = 0.1, 3.0  # of a width that is an unknown, over the equal one
-IPOPT = {
+IPOPT: dict[str, Any] = {
     "ipopt.constr_viol_tol": 1e-11,
     "ipopt.dual_inf_tol": 1e-6,
     "ipopt.compl_inf_tol": 1e-11,
@@ -164,9 +166,11 @@ def collocated(
     Raises:
         NoReferenceError: IPOPT finds no solution.
     """
-    one = isinstance(problem, OptimalControlProblem)
-    statements = {"": problem.statement} if one else {name: each.statement for name, each in problem._phases.items()}
-    shared: list[Variable] = [] if one else problem._unknowns
+    if isinstance(problem, MultiPhaseProblem):
+        statements = {name: each.statement for name, each in problem._phases.items()}
+        shared: list[Variable] = problem._unknowns
+    else:
+        statements, shared = {"": problem.statement}, []
     programme = Programme()
     firsts = [float(v.guess.at(np.zeros(1), 1.0)[0]) for v in shared]
     values = np.array(firsts) if start is None else start.constants
@@ -182,7 +186,7 @@ def collocated(
             programme, statement, mesh, mesh.points(scheme), constants, elapsed, begun, np.array(firsts)
         )
         elapsed = made[name].begin + made[name].T
-    if not one:
+    if isinstance(problem, MultiPhaseProblem):
         _couple(programme, problem, made, constants)
     wanted = [part for phase in made.values() for part in phase.wanted()]
     try:
@@ -207,7 +211,7 @@ def _couple(programme: Programme, problem: MultiPhaseProblem, made: Mapping[str,
     known = [s.x for s, _ in phases] + [s.final_time for s, _ in phases]
     at = [phase.x_end for _, phase in phases] + [phase.T for _, phase in phases]
     known += [ca.vertcat(*(v.symbol for v in problem._unknowns)), ca.vertcat(*(p.symbol for p in problem._parameters))]
-    at += [constants, ca.DM([p.nominal for p in problem._parameters])]
+    at += [constants, ca.SX(ca.DM([p.nominal for p in problem._parameters]))]
     own: set[str] = set()
     for s, _ in phases:  # parameters of one phase
         for parameter in s.parameters:
@@ -247,7 +251,7 @@ class _Phase:
         s, duration = statement, statement.duration
         assert duration is not None
         self._programme, self._statement, self._constants = programme, s, constants
-        self._p = ca.DM([each.nominal for each in s.parameters])
+        self._p = ca.SX(ca.DM([each.nominal for each in s.parameters]))
         if start is None:
             start = _stated_course(s, shared)
         T_0 = np.array([start.duration])
@@ -264,11 +268,11 @@ class _Phase:
 
         def state(tau: float) -> ca.SX:
             guess = np.array([np.interp(tau, start.tau, column) for column in start.x.T])
-            return programme.unknown("x", guess, *bounds[0], scales[0])
+            return programme.unknown("x", guess, bounds[0][0], bounds[0][1], scales[0])
 
         def control(tau: float) -> ca.SX:
             guess = np.array([np.interp(tau, start.tau_u, column) for column in start.u.T])
-            return programme.unknown("u", guess, *bounds[1], scales[1])
+            return programme.unknown("u", guess, bounds[1][0], bounds[1][1], scales[1])
 
         self._known = [s.x, s.u, s.t, s.elapsed, s.final_time, ca.vertcat(*(v.symbol for v in s.shared)), s.p]
         rates = self._function([s.rates[v.name] for v in s.states])
@@ -346,7 +350,7 @@ class _Phase:
         """Arguments of the functions at a time since the start."""
         return [x, u, self.begin + elapsed, elapsed, self.T, self._constants, self._p]
 
-    def _rows(self, rows: Sequence[object], x: ca.SX, u: ca.SX, elapsed: ca.SX) -> None:
+    def _rows(self, rows: Sequence[Row], x: ca.SX, u: ca.SX, elapsed: ca.SX) -> None:
         values = self._function([row.expression for row in rows])(*self._place(x, u, elapsed))
         self._programme.require(values, np.array([row.lower for row in rows]), np.array([row.upper for row in rows]))
 

@@ -84,7 +84,8 @@ def lambert() -> OptimalControlProblem:
         r'' = -μ r / |r|^3,   μ = 6.6720e-11 · 5.9742e24 m^3/s^2,
                               (15945.34, 0, 0) km to (12214.83899, 10249.46731, 0) km in 76 min
 
-    The places are bounded by ten times the ends and the speeds by that over the time: in the third direction both are 0.
+    The places are bounded by ten times the ends and the speeds by that over the time: in the third direction both
+    are 0.
     """
     mu, duration = 6.6720e-11 * 5.9742e24, 76.0 * 60.0  # [m^3/s^2], [s]
     start, end = [15945.34e3, 0.0, 0.0], [12214.83899e3, 10249.46731e3, 0.0]  # [m]

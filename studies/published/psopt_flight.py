@@ -160,7 +160,9 @@ def launch() -> MultiPhaseProblem:
 
         phase.constrain(ca.sumsqr(u) == 1)
         if k == 0:
-            phase.start(r, place), phase.start(v, speed), phase.start(m, heaviest)
+            phase.start(r, place)
+            phase.start(v, speed)
+            phase.start(m, heaviest)
         else:
             problem.link(phases[-1], phase, jumps={"m": -dropped[k - 1]})
         if k == 3:

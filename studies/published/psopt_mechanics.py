@@ -234,7 +234,7 @@ def geodesic() -> OptimalControlProblem:
     V, a, b = 900.0, 6384.0, 6353.0  # [km/h], [km], [km]
     polar = np.radians(90.0 - np.array([40.6413, 51.4700]))  # [rad] of JFK and LHR
     azimuth = np.radians(360.0 - np.array([73.7781, 0.4543]))
-    at, along = np.linspace(*polar, 30), np.linspace(*azimuth, 30)
+    at, along = np.linspace(polar[0], polar[1], 30), np.linspace(azimuth[0], azimuth[1], 30)
     way = np.array([a * np.sin(at) * np.cos(along), a * np.sin(at) * np.sin(along), b * np.cos(at)])  # (3, 30)
     steps = np.diff(way, axis=1)
     steps = np.column_stack([steps, steps[:, -1]])

@@ -32,7 +32,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         chain,
         independent=5.0684801110,
         evidence="closed form: a catenary; see benchmarks.ocp_references",
-        same_as="collection: hanging chain",
+        note="the problem 'hanging chain' of the collection, stated again",
     ),
     "COPS: pinene": PublishedOptimum(
         "19.8721",
@@ -64,7 +64,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         independent=9.1409117459,
         evidence="Radau IIA and Gauss-Legendre on six arcs; see benchmarks.ocp_references",
         quantity="T",
-        same_as="collection: robot arm",
+        note="the problem 'robot arm' of the collection, stated again",
     ),
     "COPS: steering": PublishedOptimum(
         "0.554577",
@@ -73,7 +73,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         independent=0.55457087833,
         evidence="closed form: the linear tangent law; see benchmarks.ocp_references",
         quantity="T",
-        same_as="collection: steering",
+        note="the problem 'steering' of the collection, stated again",
     ),
     "COPS: rocket": PublishedOptimum(
         "1.01283",
@@ -85,7 +85,7 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         sign=-1.0,
         origin=1.0,
         singular=True,
-        same_as="collection: Goddard",
+        note="the problem 'Goddard' of the collection, stated again",
     ),
     "COPS: glider": PublishedOptimum(
         "1255.05",
@@ -115,6 +115,6 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         independent=-0.048055685861,
         evidence="Radau IIA and Gauss-Legendre on three arcs; see benchmarks.ocp_references",
         singular=True,
-        same_as="collection: catalyst mixing",
+        note="the problem 'catalyst mixing' of the collection, stated again",
     ),
 }

@@ -1,4 +1,4 @@
-"""Published problems that nobody here chose: every one of four collections by plain ``solve()``, one process for each.
+"""Published problems: every one of four collections by plain ``solve()``, one process for each.
 
 The lists (``library.PUBLISHED``: PSOPT, COPS 3, Bocop, OptimalControlProblems.jl with the dymos examples behind it)
 name every problem of their sources, with the optimum as it is printed. A problem that several sources have is solved

@@ -176,6 +176,6 @@ INDEPENDENT: dict[str, tuple[float, str]] = {
 
 DETAILS: dict[str, Details] = {
     "lts": {"note": "the collection's steering, but for bounds that do not hold"},
-    "missile": {"same_as": "collection: bunt"},
-    "moon": {"same_as": "collection: lander"},
+    "missile": {"note": "the problem 'bunt' of the collection, stated again"},
+    "moon": {"note": "the problem 'lander' of the collection, stated again"},
 }

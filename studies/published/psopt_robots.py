@@ -187,6 +187,6 @@ INDEPENDENT: dict[str, tuple[float, str]] = {
 DETAILS: dict[str, Details] = {
     "manutec": {"note": "the file's model of arm 3 has other inertias than its table of constants"},
     "obstacle": {"note": "every feasible way is optimal"},
-    "twolinkarm": {"same_as": "collection: two-link arm"},
+    "twolinkarm": {"note": "the problem 'two-link arm' of the collection, stated again"},
     "twophase_robot": {"singular": True, "note": "the printed value is 8e-4 above the optimum"},
 }

@@ -229,7 +229,7 @@ INDEPENDENT: dict[str, tuple[float, str]] = {
 DETAILS: dict[str, Details] = {
     "mpec": {"note": "the printed value is 1.5 % above the optimum"},
     "rayleigh": {"note": "the collection's, but for bounds that do not hold; the printed value is below the optimum"},
-    "stc1": {"same_as": "collection: stc1"},
+    "stc1": {"note": "the problem 'stc1' of the collection, stated again"},
     "steps": {"singular": True},
     "twophase_schwartz": {"note": "the optimum is not unique; what is printed is 0 but for rounding"},
     "wheat": {"singular": True, "note": "the printed value is 0.4 % above the optimum"},

@@ -10,11 +10,11 @@ from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 
 
-def double_integrator(name: str) -> tuple[OptimalControlProblem, tuple[object, object, object]]:
+def double_integrator(name: str, most: float = 10.0) -> tuple[OptimalControlProblem, tuple[object, object, object]]:
     """x'' = u from rest to rest over a distance of 1."""
     ocp = OptimalControlProblem(name)
     x, v = ocp.state("x"), ocp.state("v")
-    u = ocp.control("u", lower=-10.0, upper=10.0)
+    u = ocp.control("u", lower=-most, upper=most)
     ocp.dynamics(x, v), ocp.dynamics(v, u)
     ocp.start(x, 0.0), ocp.start(v, 0.0)
     return ocp, (x, v, u)
@@ -43,7 +43,7 @@ def test_both_schemes_find_a_closed_form_through_phases_with_a_shared_unknown() 
 
 
 def test_what_is_stated_at_a_time_is_a_boundary() -> None:
-    ocp, (x, v, u) = double_integrator("at")
+    ocp, (x, v, u) = double_integrator("at", 100.0)
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
     ocp.end(x, 1.0), ocp.end(v, 0.0)

@@ -342,6 +342,32 @@ STATEMENTS: dict[str, Statement] = {
     "isoperimetric": isoperimetric,
 }
 
-INDEPENDENT: dict[str, tuple[float, str]] = {}
+INDEPENDENT: dict[str, tuple[float, str]] = {
+    "brac1": (0.8247591431566, "closed form: a cycloid"),
+    "breakwell": (40.0 / 9.0, "closed form: 4 / (9 L)"),
+    "bryson_denham": (4.0, "closed form: 4 / (9 L)"),
+    "bryson_max_range": (-1.71231487507, "Radau, 40 x 4 and 100 x 3, and Gauss-Legendre, 60 x 3 and 120 x 4"),
+    "chain": (5.068480110993, "closed form: a catenary"),
+    "crane": (5.1503848e-3, "Radau and Gauss-Legendre on nine arcs, as for the collection's container crane"),
+    "dqc": (6.0, "closed form: u = 6 - 12 t"),
+    "geodesic": (5549.68185237, "Radau, 40 x 4, and Gauss-Legendre, 60 x 3 and 120 x 4"),
+    "hypersensitive": (1.330806904943, "closed form of long durations: two quadratures"),
+    "interior_point": (0.920531441473, "closed form: ((a^2 + b^2) cosh T - 2 a b) / sinh T of either phase"),
+}
 
-DETAILS: dict[str, Details] = {}
+DETAILS: dict[str, Details] = {
+    "brac1": {"note": "the collection's brachistochrone, with bounds that do not hold at the optimum"},
+    "breakwell": {"note": "the collection's Bryson-Denham, L = 0.1, with bounds that do not hold at the optimum"},
+    "bryson_denham": {"note": "T is free: every T from 2/3 on is optimal. The printed value is below 4, on 50 nodes"},
+    "bryson_max_range": {"note": "the collection's maximum range, with bounds that do not hold at the optimum"},
+    "chain": {"note": "the collection's hanging chain, with bounds that do not hold at the optimum"},
+    "coulomb": {
+        "note": "the printed value has a relative local error of 0.8 % on 40 nodes, says its file of baselines"
+    },
+    "crane": {"singular": True, "note": "the collection's container crane over a unit of time, with wider bounds"},
+    "geodesic": {
+        "note": "the printed value is no minimum: its trapezoidal solution has a relative local error of 1.6 %, says its "
+        "file of baselines"
+    },
+    "hypersensitive": {"note": "the collection's hypersensitive, short, with bounds that do not hold at the optimum"},
+}

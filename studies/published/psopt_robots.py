@@ -178,7 +178,7 @@ STATEMENTS: dict[str, Statement] = {
 }
 
 INDEPENDENT: dict[str, tuple[float, str]] = {
-    "manutec": (20.4042467, "Gauss-Legendre and Radau, 80 x 4, and Gauss-Legendre on three arcs, 18 x 5"),
+    "manutec": (20.4042467283, "Gauss-Legendre and Radau on three arcs, 42 x 5 and 42 x 6"),
     "obstacle": (4.571044, "closed form: V^2"),
     "twolinkarm": (2.9822799425, "that of the collection's: two discretisations on arcs"),
     "twophase_robot": (1.0416861484, "parabolas and exponentials on six arcs, whose four instants are found"),

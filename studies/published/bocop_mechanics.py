@@ -29,7 +29,10 @@ def beam() -> OptimalControlProblem:
     ocp.minimise(running=u**2)
     ocp.dynamics(x, v)
     ocp.dynamics(v, u)
-    ocp.start(x, 0.0), ocp.start(v, 1.0), ocp.end(x, 0.0), ocp.end(v, -1.0)
+    ocp.start(x, 0.0)
+    ocp.start(v, 1.0)
+    ocp.end(x, 0.0)
+    ocp.end(v, -1.0)
     return ocp
 
 
@@ -48,7 +51,10 @@ def fuller() -> OptimalControlProblem:
     ocp.minimise(running=x**2)
     ocp.dynamics(x, v)
     ocp.dynamics(v, u)
-    ocp.start(x, 0.0), ocp.start(v, 1.0), ocp.end(x, 0.0), ocp.end(v, 0.0)
+    ocp.start(x, 0.0)
+    ocp.start(v, 1.0)
+    ocp.end(x, 0.0)
+    ocp.end(v, 0.0)
     return ocp
 
 
@@ -84,7 +90,10 @@ def integrator_2d() -> OptimalControlProblem:
     ocp.minimise(running=u**2 / 2)
     ocp.dynamics(x, v)
     ocp.dynamics(v, u)
-    ocp.start(x, -1.0), ocp.start(v, 0.0), ocp.end(x, 0.0), ocp.end(v, 0.0)
+    ocp.start(x, -1.0)
+    ocp.start(v, 0.0)
+    ocp.end(x, 0.0)
+    ocp.end(v, 0.0)
     return ocp
 
 
@@ -101,7 +110,8 @@ def regulator_1d() -> OptimalControlProblem:
 
     ocp.minimise(running=x**2)
     ocp.dynamics(x, u)
-    ocp.start(x, 1.0), ocp.end(x, 0.5)
+    ocp.start(x, 1.0)
+    ocp.end(x, 0.5)
     return ocp
 
 
@@ -120,7 +130,8 @@ def regulator_2d() -> OptimalControlProblem:
     ocp.minimise(running=(x**2 + v**2) / 2)
     ocp.dynamics(x, v)
     ocp.dynamics(v, u)
-    ocp.start(x, 0.0), ocp.start(v, 1.0)
+    ocp.start(x, 0.0)
+    ocp.start(v, 1.0)
     return ocp
 
 
@@ -157,7 +168,8 @@ def vanderpol() -> OptimalControlProblem:
     ocp.minimise(running=(x**2 + v**2 + u**2) / 2)
     ocp.dynamics(x, v)
     ocp.dynamics(v, (1 - x**2) * v - x + u)
-    ocp.start(x, 1.0), ocp.start(v, 0.0)
+    ocp.start(x, 1.0)
+    ocp.start(v, 0.0)
     return ocp
 
 
@@ -184,6 +196,8 @@ def goddard() -> OptimalControlProblem:
     ocp.dynamics(v, (3.5 * u - drag) / m - 1 / r**2)
     ocp.dynamics(m, -7 * u)
     ocp.constrain(drag <= 0.4, name="drag")
-    ocp.start(r, 1.0), ocp.start(v, 0.0), ocp.start(m, 1.0)
+    ocp.start(r, 1.0)
+    ocp.start(v, 0.0)
+    ocp.start(m, 1.0)
     ocp.end_constraint(r >= 1.01)
     return ocp

@@ -59,7 +59,9 @@ def jackson_basic() -> OptimalControlProblem:
     ocp.dynamics(a, -u * (a - 10 * b))
     ocp.dynamics(b, u * (a - 10 * b) - (1 - u) * b)
     ocp.dynamics(c, (1 - u) * b)
-    ocp.start(a, 1.0), ocp.start(b, 0.0), ocp.start(c, 0.0)
+    ocp.start(a, 1.0)
+    ocp.start(b, 0.0)
+    ocp.start(c, 0.0)
     return ocp
 
 

@@ -9,7 +9,6 @@ import casadi as ca
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.studies.published.details import Details
 from mathnavi.studies.published.optimum import Statement
-from mathnavi.studies.published.psopt_mechanics import bryson_max_range
 
 
 def lts() -> OptimalControlProblem:
@@ -166,7 +165,6 @@ STATEMENTS: dict[str, Statement] = {
     "missile": missile,
     "moon": moon,
     "shuttle_reentry": shuttle_reentry,
-    "user": bryson_max_range,
 }
 
 INDEPENDENT: dict[str, tuple[float, str]] = {
@@ -174,7 +172,6 @@ INDEPENDENT: dict[str, tuple[float, str]] = {
     "missile": (40.911939072, "that of the collection's: two discretisations on arcs"),
     "moon": (1.4203125990, "that of the collection's: two discretisations on arcs"),
     "shuttle_reentry": (-34.14118428, "Gauss-Legendre and Radau, 40 x 5 and 80 x 5"),
-    "user": (-1.71231487508, "Gauss-Legendre and Radau, 20 x 5 and 40 x 5"),
 }
 
 DETAILS: dict[str, Details] = {

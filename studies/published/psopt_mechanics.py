@@ -366,8 +366,8 @@ DETAILS: dict[str, Details] = {
     },
     "crane": {"singular": True, "note": "the collection's container crane over a unit of time, with wider bounds"},
     "geodesic": {
-        "note": "the printed value is no minimum: its trapezoidal solution has a relative local error of 1.6 %, says its "
-        "file of baselines"
+        "note": "the printed value is no minimum: its trapezoidal solution has a relative local error of 1.6 %, says "
+        "its file of baselines"
     },
     "hypersensitive": {"note": "the collection's hypersensitive, short, with bounds that do not hold at the optimum"},
 }

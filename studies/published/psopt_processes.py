@@ -258,7 +258,7 @@ DETAILS: dict[str, Details] = {
     "bioreactor": {"note": "rho is 0.1 over the number of nodes in the file; here of its last mesh, of 50"},
     "catmix": {"singular": True, "note": "the collection's catalyst mixing, with bounds of the states"},
     "cracking": {
-        "note": "the printed value is that of states interpolated between 80 nodes; the manual prints another, 5.228971e-03"
+        "note": "the printed value is that of states interpolated between 80 nodes; the manual prints 5.228971e-03"
     },
     "dae_i3": {"origin": 20.0, "note": "of 20, the sum of the squares of the readings, what is left is 2e-18"},
     "delay1": {"note": "the printed value is another than the manual's, which is right to 1e-5"},

@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.sweep.trial import trial
+from mathnavi.studies.introduction import cost_measurement
 from mathnavi.studies.introduction.cost_measurement import (
     CURVES,
     Measured,
@@ -108,16 +108,22 @@ def test_no_map_is_read_twice() -> None:
 
 
 def test_what_is_made_counts_as_memory_only_where_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    def made(size: int, seed: int) -> Array:
-        return np.ones((size, 1_000_000))
+    events: list[str] = []
 
-    grown_by = []
-    for holds in (True, False):
-        monkeypatch.setitem(CURVES, "ones", replace(CURVES["fleet"], sizes=(1, 20), made=made, cost=len, holds=holds))
-        # The system may take other memory of this process away meanwhile.
-        grown_by.append(max(measured(SizedCase("ones", 20, seed=0)).memory for _ in range(3)))
-    assert grown_by[0] > 100.0
-    assert grown_by[1] < 50.0
+    class Watched(PeakMemory):
+        def __enter__(self) -> PeakMemory:
+            events.append("begin")
+            return super().__enter__()
+
+    monkeypatch.setattr(cost_measurement, "PeakMemory", Watched)
+    for holds, order in ((True, ["made", "begin", "made"]), (False, ["made", "made", "begin"])):
+        curve = replace(
+            CURVES["fleet"], sizes=(1, 20), made=lambda *_: events.append("made"), cost=lambda _: 0.0, holds=holds
+        )
+        monkeypatch.setitem(CURVES, "ones", curve)
+        events.clear()
+        measured(SizedCase("ones", 20, seed=0))
+        assert events == order
 
 
 @pytest.mark.parametrize(("commit", "named"), [(0.1, "store's single writer"), (1e-6, "scheduler")])

@@ -83,7 +83,7 @@ def solve_by(
     Raises:
         ProblemError: for fewer than two nodes, or than the problem's break times need, an unknown method, scheme or
             monitor, a scheme or a monitor for a method that takes none, no replay for one that needs it, and for a
-            monitor without a measure where the nodes are unknowns.
+            monitor without a measure where the nodes are unknowns, and a verification of what is not replayed.
     """
     check_problem(problem)
     if nodes is not None:
@@ -93,8 +93,11 @@ def solve_by(
     budget = Budget(DEFAULT if options is None else options)
     chosen = partial(_by_method, problem, nodes, method, monitor, parameters, tolerance, options, scheme, budget)
     if not replay:
+        if verify:
+            raise ProblemError("verify = True with replay = False; allowed: replay = True, for what verifies flies it")
         return chosen(guess, replay=False)
-    within = tolerance if tolerance is not None else TOLERANCE if nodes is None else GIVEN_NODES
+    fine = nodes is None or method == "hp"
+    within = tolerance if tolerance is not None else TOLERANCE if fine else GIVEN_NODES
     given_mesh = nodes is not None or monitor is not None or scheme is not None
     own = DEFAULT if options is None else options
     found = with_restarts(problem, chosen, guess, parameters, within, own, budget, given_mesh=given_mesh)

@@ -436,3 +436,5 @@ def test_a_solve_without_a_replay_is_at_best_converged() -> None:
         ocp.solve(replay=False)
     with pytest.raises(ProblemError, match=refused):
         ocp.solve(5, method="refine", replay=False)
+    with pytest.raises(ProblemError, match=r"verify = True with replay = False; allowed: replay = True, for what"):
+        ocp.solve(5, replay=False, verify=True)

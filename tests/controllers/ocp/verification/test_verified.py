@@ -25,6 +25,13 @@ def test_a_stationary_point_is_left_for_the_minimum(problem: OptimalControlProbl
     assert "from a stationary point with J = " in found.message
 
 
+@pytest.mark.parametrize("nodes", [None, 40])
+def test_what_takes_its_place_is_judged_by_the_same_tolerance(nodes: int | None) -> None:
+    found = concave(1.0).solve(nodes, method="hp")
+    assert found.cost == pytest.approx(-1.0, rel=1e-6)
+    assert found.tolerance == 1e-6
+
+
 def test_a_minimum_that_the_given_nodes_cannot_hold_is_named() -> None:
     found = concave(1.0).solve(13)  # the parabolas of a control that jumps between its bounds leave them
     assert found.status is SolverOutcome.STATIONARY

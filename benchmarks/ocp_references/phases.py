@@ -29,7 +29,8 @@ from benchmarks.ocp_references.collocation import NoReferenceError, coefficients
 from mathnavi.controllers.ocp.breaks import break_fractions
 from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.guesses import Derived
-from mathnavi.controllers.ocp.phases import MultiPhaseProblem, MultiPhaseSolution
+from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.statement import Statement, Variable
@@ -338,7 +339,7 @@ class _Phase:
         self.x_end = x
 
     def wanted(self) -> list[ca.SX]:
-        """What is read of the optimum, as ``_course`` takes it."""
+        """Readings of the optimum, as ``_course`` takes them."""
         tau, tau_u = ca.vertcat(*self._tau), ca.vertcat(*self._tau_u)
         u = ca.horzcat(*self._u).T if self._statement.controls else ca.SX(len(self._tau_u), 0)
         return [self.T, tau, ca.horzcat(*self._x).T, tau_u, u, self._widths]

@@ -63,9 +63,10 @@ def own_arcs(clock: Clock, held: Array | Integers) -> Integers:
 
 
 def without_vanished(clock: Clock, held: Integers, lengths: Array, least: float) -> Integers:
-    """What holds (A, nu + nd + nb) on each arc, with a neighbour in the place of the phase's own arcs below a length.
+    """Structure (A, nu + nd + nb) in which arcs of the phase below a length hold what a neighbour of theirs does.
 
-    ``lengths`` (A,) are those of the arcs in the phase's own time, of which ``least`` is kept.
+    ``held`` has the controls, constraints and bounds that hold on each arc. ``lengths`` (A,) are those of the arcs in
+    the phase's own time, of which ``least`` is kept.
     """
     own = own_arcs(clock, held)
     kept = np.flatnonzero(np.bincount(own, lengths) >= least)

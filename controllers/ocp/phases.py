@@ -28,179 +28,23 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.breaks import break_fractions
-from mathnavi.controllers.ocp.clocks import clock_name, rate_name
 from mathnavi.controllers.ocp.comparisons import Row, end_limits, rows
-from mathnavi.controllers.ocp.defects import running_costs
 from mathnavi.controllers.ocp.diagnosis import unbounded
-from mathnavi.controllers.ocp.dual_solution import own_names
 from mathnavi.controllers.ocp.expressions import expression
-from mathnavi.controllers.ocp.grid import Grid, from_widths
-from mathnavi.controllers.ocp.guesses import Values
-from mathnavi.controllers.ocp.instants import check_instant, instant_cost
-from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
+from mathnavi.controllers.ocp.lowering import functions_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
-from mathnavi.controllers.ocp.multipliers import Multipliers, NamedValues, distinct
+from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
 from mathnavi.controllers.ocp.problem import Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
-from mathnavi.controllers.ocp.replay import GIVEN_NODES, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
-from mathnavi.controllers.ocp.statement import Duration, Instant, Parameter, Statement, Variable, bounds
-from mathnavi.controllers.ocp.substitutions import guessed, since_start, solved
+from mathnavi.controllers.ocp.stacking import add_clock, add_phase
+from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable, bounds
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
-from mathnavi.interfaces.short_tables import short_table
-from mathnavi.interfaces.signals import Array
 
 _ROUNDING = 1e-12  # relative, by which a stated start may differ from a stated end
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class MultiPhaseSolution:
-    """Solution of a problem of several phases; ``solution["boost"]`` is one phase's, its times from its own start."""
-
-    name: str
-    stacked: Solution  # solution of all phases over τ in [0, 1], variables named phase.variable
-    phases: dict[str, Solution]
-    start_times: dict[str, float]  # [s] by phase
-    unknowns: dict[str, float] = dataclasses.field(default_factory=dict)  # constants that were found, by name
-
-    @property
-    def status(self) -> SolverOutcome:
-        """Outcome of the solve."""
-        return self.stacked.status
-
-    @property
-    def message(self) -> str:
-        """Message of the solver and of the method."""
-        return self.stacked.message
-
-    @property
-    def ok(self) -> bool:
-        """True if this is a solution of the problem: solved, and within the tolerance when it is replayed."""
-        return self.stacked.ok
-
-    @property
-    def cost(self) -> float:
-        """J of all phases."""
-        return self.stacked.cost
-
-    @property
-    def duration(self) -> float:
-        """Sum of the durations [s]."""
-        return sum(phase.duration for phase in self.phases.values())
-
-    def __getitem__(self, phase: str) -> Solution:
-        """The solution of one phase by its name; KeyError names those that exist."""
-        if phase not in self.phases:
-            raise KeyError(f"{phase!r} is no phase; {allowed_for(phase, tuple(self.phases))}")
-        return self.phases[phase]
-
-    def __repr__(self) -> str:
-        """A short table: how it ended, what it costs, and when each phase begins and ends."""
-        lines = [("J", f"{self.cost:.6g}", ""), ("iterations", str(self.stacked.iterations), "")]
-        lines += [(name, f"{value:.6g}", "") for name, value in self.unknowns.items()]
-        for name, phase in self.phases.items():
-            begin = self.start_times[name]
-            lines.append((f"phase {name}", f"{begin:.6g} to {begin + phase.duration:.6g}", "s"))
-        return f"{short_table(f'{self.name}, {self.stacked.method}: {self.status.value}', lines)}\n  {self.message}"
-
-
-def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: float) -> tuple[Solution, float]:
-    """A phase of a stacked solution with its replay, and the time [s] at which it begins."""
-    assert phase.duration is not None
-    states, controls, parameters = (
-        [known.index(f"{name}.{each.name}" if f"{name}.{each.name}" in known else each.name) for each in own]
-        for known, own in (
-            (stacked.problem.states, phase.states),
-            (stacked.problem.controls, phase.controls),
-            (stacked.problem.parameters, phase.parameters),
-        )
-    )
-    duration = float(stacked[f"{name}.duration"][0]) if phase.duration.free else phase.duration.guess
-    start = ca.SX(elapsed) if phase.start_time.is_zero() else phase.start_time
-    x, grid = stacked.x[:, states], own_grid(stacked, name)
-    begin = float(ca.Function("t_0", [phase.x], [start])(x[0]))
-    constants = [float(stacked[v.name][0]) for v in phase.shared]
-    problem = functions_of(solved(dataclasses.replace(phase, start_time=start), duration, constants))
-    view = dataclasses.replace(
-        stacked,
-        problem=problem,
-        grid=grid,
-        duration=duration,
-        parameters=stacked.parameters[parameters],
-        x=x,
-        inner=stacked.inner[:, :, states],
-        u=stacked.u[:, :, controls],
-        costates=stacked.costates[:, states],
-        multipliers=_multipliers(
-            stacked, name, problem, states, controls, duration * grid.widths / stacked.grid.widths
-        ),
-        sensitivities=NamedValues(problem.parameters, stacked.sensitivities.values[parameters]),
-        replay=None,
-        cost_bound=math.nan,
-    )
-    cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
-    if problem.instants is not None:
-        cost += instant_cost(problem.instants, view.at_instants, view.parameters)
-    tolerance = stacked.tolerance if math.isfinite(stacked.tolerance) else GIVEN_NODES
-    view = replayed(dataclasses.replace(view, cost=cost), tolerance)
-    if view.ok and stacked.status in (SolverOutcome.CONVERGED, SolverOutcome.STATIONARY):
-        view = dataclasses.replace(view, status=stacked.status, message=stacked.message)  # no phase is better than all
-    return view, begin
-
-
-def own_grid(stacked: Solution, name: str) -> Grid:
-    """The grid of a phase of a stacked solution, its clock at the nodes; that in τ where it has none."""
-    if name not in stacked.problem.clocks:
-        return stacked.grid
-    times = stacked[clock_name(name)]
-    return from_widths(np.diff(times)) if (np.diff(times) > 0.0).all() else stacked.grid
-
-
-def _running_cost(view: Solution) -> float:
-    """∫ L dt of a phase by the quadrature of its scheme."""
-    count, k, nx = view.inner.shape
-    times = view.point_times.ravel()
-    rates = running_costs(view, view.inner.reshape(count * k, nx), view.u.reshape(count * k, -1), times)
-    return float((rates.reshape(count, k) * view.point_shares).sum())
-
-
-def _multipliers(
-    stacked: Solution, name: str, problem: ProblemFunctions, states: list[int], controls: list[int], seconds: Array
-) -> Multipliers:
-    """Multipliers of a phase: those along the path are per second of the phase, no longer per unit of τ.
-
-    ``seconds`` (N - 1,) is how long a unit of τ is in each interval.
-    """
-    whole, of_duration, duration = stacked.multipliers, 0.0, seconds[:, None, None]
-    path, initial, final = (
-        [k for k, row in enumerate(names) if row.startswith(f"{name}: ")]
-        for names in (stacked.problem.path_names, stacked.problem.initial_names, stacked.problem.final_names)
-    )
-    if problem.free_duration:
-        rates = whole.states[f"{name}.duration"]
-        of_duration = float((rates * stacked.point_shares).sum() / stacked.duration)
-    return Multipliers(
-        dynamics=NamedValues(problem.states, whole.dynamics.values[..., states]),
-        path=NamedValues(distinct(problem.path_names), whole.path.values[..., path] / duration),
-        states=NamedValues(problem.states, whole.states.values[..., states] / duration),
-        controls=NamedValues(problem.controls, whole.controls.values[..., controls] / duration),
-        initial=NamedValues(own_names(problem.initial_names, "start of "), whole.initial.values[initial]),
-        final=NamedValues(own_names(problem.final_names, "end of "), whole.final.values[final]),
-        duration=of_duration,
-        instants=_at_instants(whole.instants, name, problem),
-    )
-
-
-def _at_instants(whole: NamedValues | None, name: str, problem: ProblemFunctions) -> NamedValues | None:
-    """Multipliers of what a phase states at given times, of those of all phases."""
-    if whole is None or problem.instants is None:
-        return None
-    own = [k for k, row in enumerate(whole.names) if row.startswith(f"{name}: ")]
-    return NamedValues(distinct(problem.instants.names), whole.values[own])
 
 
 class MultiPhaseProblem:
@@ -402,8 +246,8 @@ class MultiPhaseProblem:
         stacked = Statement(self.name, duration=Duration(1.0, 1.0, 1.0), parameters=list(self._parameters))
         elapsed = ca.SX(0)
         for name, phase in self._phases.items():
-            clock = _clock(stacked, name) if name in clocked else (stacked.t, ca.SX(1))
-            elapsed = _add_phase(stacked, name, phase.statement, elapsed, clock, shared=self._parameters)
+            clock = add_clock(stacked, name) if name in clocked else (stacked.t, ca.SX(1))
+            elapsed = add_phase(stacked, name, phase.statement, elapsed, clock, shared=self._parameters)
         stacked.states += self._unknowns
         stacked.rates |= {v.name: ca.SX(0) for v in self._unknowns}
         fixed = {p.statement.final_time: p.statement.duration for p in self._phases.values()}
@@ -437,7 +281,7 @@ class MultiPhaseProblem:
 
 
 def _why_it_cannot_jump(name: str, before: OptimalControlProblem, after: OptimalControlProblem) -> str:
-    """What a name that link() cannot give a jump is, in the words of the error."""
+    """Reason why link() cannot give a name a jump, in the words of the error."""
     for phase, other in ((before, after), (after, before)):
         statement = phase.statement
         if name in [v.name for v in statement.controls]:
@@ -451,79 +295,3 @@ def _why_it_cannot_jump(name: str, before: OptimalControlProblem, after: Optimal
         if name in after.statement.integrals
         else "no state of either phase"
     )
-
-
-def _clock(stacked: Statement, name: str) -> tuple[ca.SX, ca.SX]:
-    """Add the clock of a phase; returns its time, a fraction of the phase's duration, and its rate."""
-    time, rate = ca.SX.sym(clock_name(name)), ca.SX.sym(rate_name(name))
-    free = -math.inf, math.inf, 1.0
-    stacked.states.append(Variable(clock_name(name), time, *free, Values(np.array([0.0, 1.0]))))
-    stacked.controls.append(Variable(rate_name(name), rate, *free, Values(np.array([1.0]))))
-    stacked.rates[clock_name(name)] = rate
-    stacked.initial.append(Row(time, 0.0, 0.0, f"start of {clock_name(name)}"))
-    return time, rate
-
-
-def _add_phase(
-    stacked: Statement,
-    name: str,
-    phase: Statement,
-    elapsed: ca.SX,
-    clock: tuple[ca.SX, ca.SX],
-    shared: list[Parameter],
-) -> ca.SX:
-    """Add a phase that begins at t = ``elapsed`` [s], with its time and rate on τ; returns when it ends."""
-    duration = phase.duration
-    if duration is None:
-        raise ProblemError(f"{stacked.name}: phase {name} has no duration; allowed: duration() or free_duration()")
-    if missing := [v.name for v in phase.states if v.name not in phase.rates]:
-        raise ProblemError(f"{stacked.name}: phase {name}: no dynamics for {', '.join(missing)}; allowed: one for each")
-    T = phase.final_time if duration.free else ca.SX(duration.guess)
-    begin = elapsed if phase.start_time.is_zero() else phase.start_time
-    time, rate = clock
-    now = begin + time * T
-
-    def at(made: ca.SX) -> ca.SX:
-        own = ca.vertcat(phase.t, phase.elapsed, phase.final_time)
-        return ca.substitute(made, own, ca.vertcat(now, time * T, T))
-
-    def renamed(rows_of: list[Row]) -> list[Row]:
-        return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
-
-    guess = guesses_of(guessed(since_start(phase)))
-    columns = zip((*guess.states.T, *guess.controls.T), (*guess.state_scale, *guess.control_scale), strict=True)
-    for k, (variable, (values, scale)) in enumerate(zip((*phase.states, *phase.controls), columns, strict=True)):
-        among = stacked.states if k < len(phase.states) else stacked.controls
-        own = Values(values, guess.times)
-        among.append(dataclasses.replace(variable, name=f"{name}.{variable.name}", scale=float(scale), guess=own))
-    stacked.rates |= {f"{name}.{state}": rate * T * at(own) for state, own in phase.rates.items()}
-    if duration.free:
-        constant = Values(np.array([duration.guess]))
-        stacked.states.append(Variable(f"{name}.duration", T, duration.lower, duration.upper, duration.guess, constant))
-        stacked.rates[f"{name}.duration"] = ca.SX(0)
-    stacked.parameters += [
-        dataclasses.replace(each, name=f"{name}.{each.name}") for each in phase.parameters if each not in shared
-    ]
-    stacked.running += rate * T * at(phase.running)
-    stacked.terminal += at(phase.terminal)
-    stacked.path += renamed(phase.path)
-    stacked.initial += renamed(phase.initial)
-    stacked.final += renamed(phase.final)
-    stacked.instants += _instants(stacked.name, name, phase, begin)
-    return begin + T
-
-
-def _instants(problem: str, name: str, phase: Statement, begin: ca.SX) -> list[Instant]:
-    """What a phase states at given times, over τ; ProblemError for a duration that is free, and times beyond it."""
-    assert phase.duration is not None
-    T, symbols = phase.duration.guess, ca.vertcat(phase.t, phase.elapsed, phase.final_time)
-    found = []
-    for each in phase.instants:
-        check_instant(f"{problem}: phase {name}", each.time, phase.duration)
-        now = ca.vertcat(begin + each.time, each.time, phase.final_time if phase.duration.free else T)
-        rows_of = tuple(
-            dataclasses.replace(row, expression=ca.substitute(row.expression, symbols, now), name=f"{name}: {row.name}")
-            for row in each.rows
-        )
-        found.append(Instant(min(each.time / T, 1.0), ca.substitute(each.cost, symbols, now), rows_of))
-    return found

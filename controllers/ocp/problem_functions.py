@@ -86,7 +86,7 @@ class GuessedTrajectory:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InstantFunctions:
-    """What is stated at m given times: functions of the states there, X (m nx,), one time after the other."""
+    """Functions of what is stated at m given times, of the states there, X (m nx,), one time after the other."""
 
     fractions: Array  # (m,) of T, increasing, in [0, 1]
     cost: ca.Function  # Σ_k Psi_k(X, p) -> ()

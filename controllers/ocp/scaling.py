@@ -63,7 +63,7 @@ class Scaling(Mapping[str, float]):
 
     @property
     def origins(self) -> dict[str, str]:
-        """Where the scale of each variable comes from."""
+        """Scale of each variable, and where it comes from."""
         return {name: scale.origin for name, scale in self._variables.items()}
 
     def __getitem__(self, name: str) -> float:

@@ -1,4 +1,4 @@
-"""What is said of a published problem beside its value and statement."""
+"""Details of a published problem other than its value and its statement."""
 
 from __future__ import annotations
 

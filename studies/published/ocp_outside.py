@@ -72,7 +72,7 @@ class OcpOutside:
 
     Config = OcpOutsideConfig
     quick = OcpOutsideConfig(problems=4)
-    title = "Published problems that nobody here chose"
+    title = "Published optimal control problems"
     on_terrain = False
 
     @staticmethod
@@ -181,7 +181,8 @@ def claim(rows: Sequence[Row]) -> Claim:
     reached = not lies and solved >= SHARE * len(rows)
     return Claim(
         "ocp.outside", "target",
-        "solve() finds the optima of published problems that nobody here chose, and calls nothing else optimal.", "1.1",
+        "solve() finds the optima of every problem of four published collections, and calls nothing else optimal.",
+        "1.1",
         f"of at least {FEWEST} problems {SHARE:.0%} OPTIMAL with J to 1e-6 of an independent value, 1e-5 with a "
         f"singular arc, each within {WITHIN:g} s of CPU time on one core, and no lie",
         "; ".join(told),

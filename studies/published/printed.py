@@ -1,4 +1,4 @@
-"""In which significant digit a value first differs from one that is printed."""
+"""Significant digit in which a value first differs from one that is printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plain ``solve()`` of one published problem in a process of its own, which cannot end whoever asked for it.
+"""Plain ``solve()`` of one published problem in a process of its own, which cannot end its caller.
 
     python -m mathnavi.studies.published.solving '{"problem": "PSOPT: breakwell", "draw": null, "setting": "as it is"}'
 
@@ -28,7 +28,8 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.controllers.ocp.phases import MultiPhaseProblem, MultiPhaseSolution
+from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution
@@ -66,7 +67,7 @@ class Attempt:
 
 
 def attempted(attempt: Attempt) -> dict[str, Any]:
-    """A job: the figures of an attempt, whatever becomes of its process."""
+    """A job: the figures of an attempt, also where its process ends early."""
     command = [sys.executable, "-P", "-m", "mathnavi.studies.published.solving", json.dumps(asdict(attempt))]
     environment = os.environ | ENVIRONMENT | SETTINGS[attempt.setting]
     began = time.perf_counter()

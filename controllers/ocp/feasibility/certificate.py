@@ -62,7 +62,7 @@ def affinely_infeasible(elastic: Solution, violation: float) -> bool:
 
 
 class _Shape(NamedTuple):
-    """Where the functions of a problem are affine in states and controls, and which states they depend on."""
+    """Structure of a problem: where functions are affine in states and controls, and on which states they depend."""
 
     dynamics: tuple[bool, ...]  # nx
     path: tuple[bool, ...]  # nd
@@ -219,7 +219,7 @@ class _Affine:
         return A, B, c, D_x, D_u, d_0
 
     def at(self, t: float, m: Array, limits: Array) -> tuple[float, Array]:
-        """What path constraints of the states with multipliers m (nd,) at a time add to φ, and to λ (nx,)."""
+        """Parts of φ and of λ (nx,) that path constraints of the states with multipliers m (nd,) add at a time."""
         _, _, _, D_x, _, d_0 = self._values(t)
         return float(m @ (d_0 - limits)), D_x.T @ m
 

@@ -1,4 +1,4 @@
-"""What a solution may be called: the evidence that was gathered, and the table from evidence to status.
+"""Status that a solution has earned: the evidence that was gathered, and the table from evidence to status.
 
 The first row of ``TABLE`` whose condition holds gives the word and what the message adds:
 

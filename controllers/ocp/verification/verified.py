@@ -1,4 +1,4 @@
-"""From a solution that replays within its tolerance to the word that it has earned.
+"""Verification of a solution that replays within its tolerance: the word that it has earned.
 
 A replay shows that controls and states belong together, not that another control costs no more. Three more questions:
 

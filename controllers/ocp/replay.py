@@ -181,7 +181,7 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects 
 
 
 def _not_finite(solution: Solution) -> str:
-    """Function that is not finite at a node, in words: schemes may not evaluate there, and rounding may avoid a pole."""
+    """Function that is not finite at a node, in words: a scheme may not evaluate there, rounding may avoid a pole."""
     problem, x = solution.problem, solution.x.copy()
     x[0] = np.clip(x[0], *pinned(problem, solution.parameters, "start"))
     return not_finite(problem, x, solution.control(solution.t), solution.t, solution.parameters, "solution")

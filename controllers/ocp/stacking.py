@@ -82,7 +82,7 @@ def add_phase(
 
 
 def _instants(problem: str, name: str, phase: Statement, begin: ca.SX) -> list[Instant]:
-    """Costs and constraints of a phase at given times, over τ; ProblemError for a free duration, and for times beyond it."""
+    """Costs and constraints of a phase at given times, over τ; ProblemError for a free duration and times beyond."""
     assert phase.duration is not None
     T, symbols = phase.duration.guess, ca.vertcat(phase.t, phase.elapsed, phase.final_time)
     found = []

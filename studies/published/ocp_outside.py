@@ -53,7 +53,7 @@ INFEASIBLE = "infeasible"
 MARKS = {
     "solved": Mark(GOOD, "o", "solved"),
     "solved, singular": Mark(GOOD, "D", "solved, with a singular arc: dashed limit"),
-    "unsolved": Mark("#8a6d1c", "o", "unsolved: no OPTIMAL"),
+    "unsolved": Mark("#8a6d1c", "o", "unsolved, or without an independent value"),
     "lie": Mark(BAD, "X", "lie: OPTIMAL, and not so"),
 }
 SMALLEST_ERROR = 1e-12

@@ -16,7 +16,6 @@ from mathnavi.controllers.ocp.scaling_rows import corrected, cost_scale
 from mathnavi.interfaces.bounds import Count, Positive, Probability, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import (
-    IPOPT_WARM_START,
     NlpPlugin,
     NlpSolver,
     SolverOutcome,
@@ -30,6 +29,10 @@ LinearSolver = Literal["mumps", "spral", "ma27", "ma57", "ma77", "ma86", "ma97",
 Hessian = Literal["exact", "limited-memory"]
 
 _FATROP_WARM = {"mu_init": 1e-5}
+_NEAR: dict[str, Any] = {
+    "bound_push": 1e-9, "bound_frac": 1e-9, "slack_bound_push": 1e-9, "slack_bound_frac": 1e-9, "mu_init": 1e-6
+}  # fmt: skip
+"""options of IPOPT for a guess near a solution, whose multipliers are not known: it estimates them from the guess"""
 _LOGGED = 5  # print level of a log: a line each iteration
 _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
@@ -65,6 +68,7 @@ class SolverAnswer:
     cost: float  # f(x, p)
     iterations: int
     solve_ms: float  # wall-clock time
+    violation: float = np.inf  # largest of the rows, as the solver scaled them
 
     @property
     def ok(self) -> bool:
@@ -81,7 +85,7 @@ class NumericalSolver:
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
         self._bounds, self._row_scale = (nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper), nlp.row_scale
-        self._layout = nlp.layout
+        self._layout, self._rows = nlp.layout, nlp.row_scale
 
     def solve(
         self,
@@ -89,6 +93,8 @@ class NumericalSolver:
         known: Array,
         multipliers: tuple[Array, Array] | None = None,
         bounds: tuple[Array, Array, Array, Array] | None = None,
+        *,
+        plain_rows: bool = False,
     ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
 
@@ -100,11 +106,13 @@ class NumericalSolver:
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
             bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
+            plain_rows: True for rows as they are stated, which the solver may scale itself.
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(SolverOutcome.NOT_FINITE, SolverOutcome.NOT_FINITE.value, x_0, began)
         limits = self._bounds if bounds is None else bounds
+        self._rows = np.ones_like(self._row_scale) if plain_rows else self._row_scale
         scale = self._cost_scale(x_0, known)
         answer = self._solved(x_0, known, multipliers, limits, scale)
         if not answer.ok or (found := corrected(scale, answer.cost)) == scale:
@@ -135,8 +143,8 @@ class NumericalSolver:
         scale: float,
     ) -> SolverAnswer:
         """The answer of one solve, of f over this scale."""
-        began, rows = time.perf_counter(), self._row_scale
-        self._in["x0"][:], self._in["p"][:-1], self._in["p"][-1] = x_0, known, 1.0 / scale
+        began, rows = time.perf_counter(), self._rows
+        self._in["x0"][:], self._in["p"][:] = x_0, np.concatenate([known, [1.0 / scale], 1.0 / rows])
         x_lower, x_upper, lower, upper = bounds
         self._in["lbx"][:], self._in["ubx"][:] = x_lower, x_upper
         self._in["lbg"][:], self._in["ubg"][:] = lower / rows, upper / rows
@@ -166,6 +174,7 @@ class NumericalSolver:
             scale * float(out["f"][0]),
             report.iterations,
             1e3 * (time.perf_counter() - began),
+            float(np.maximum(lower / rows - out["g"], out["g"] - upper / rows).max(initial=0.0)),
         )
 
     def _failed(self, status: SolverOutcome, message: str, x_0: Array, began: float) -> SolverAnswer:
@@ -195,7 +204,7 @@ def _own(options: Options) -> dict[str, Any]:
 def _solver(nlp: Programme, options: Options) -> NlpSolver:
     plugin: NlpPlugin = "ipopt" if options.backend.startswith("ipopt") else "fatrop"
     if plugin == "ipopt":
-        more = {"honor_original_bounds": "yes"} | (dict(IPOPT_WARM_START) if options.warm else {}) | _own(options)
+        more = {"honor_original_bounds": "yes"} | (_NEAR if options.warm else {}) | _own(options)
         settings = ipopt_settings(options.tolerance, options.iterations, more)
     else:
         n, layout = nlp.layout.nodes - 1, nlp.layout
@@ -220,7 +229,7 @@ def _solver(nlp: Programme, options: Options) -> NlpSolver:
 
 
 class _Scaled(NamedTuple):
-    """Programme over its scales: x, p, f and g, and their derivatives; the last of p is one over the scale of f."""
+    """Programme over its scales: x, p, f and g, and their derivatives; p ends with 1 / scale of f and of the rows."""
 
     functions: dict[str, ca.MX]
     derivatives: dict[str, ca.Function]
@@ -228,9 +237,8 @@ class _Scaled(NamedTuple):
 
 def _scaled(nlp: Programme, plugin: NlpPlugin) -> _Scaled:
     """A programme over its scales, with what CasADi's ``plugin`` needs of its derivatives."""
-    x, p, share = nlp.x, nlp.p, ca.MX.sym("share")
+    x, p, share, over = nlp.x, nlp.p, ca.MX.sym("share"), ca.MX.sym("over", len(nlp.row_scale))
     sigma, mu = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", len(nlp.row_scale))
-    over = ca.DM(1.0 / nlp.row_scale)
     own = nlp.assembly.derivatives(plugin)
     f_and_gradient = own["nlp_grad_f"].call([x, p])
     g, jacobian = own["nlp_jac_g"].call([x, p])
@@ -240,7 +248,7 @@ def _scaled(nlp: Programme, plugin: NlpPlugin) -> _Scaled:
         "nlp_jac_g": [over * g, ca.MX(jacobian.sparsity(), of_row * jacobian.nz[:])],
         "nlp_hess_l": own["nlp_hess_l"].call([x, p, share * sigma, over * mu]),
     }
-    known = {"x": x, "p": ca.vertcat(p, share)}
+    known = {"x": x, "p": ca.vertcat(p, share, over)}
     derivatives = {}
     for name, result in results.items():
         symbols = [*known.values(), *([sigma, mu] if name == "nlp_hess_l" else [])]

@@ -101,7 +101,7 @@ def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | N
     middles = 0.5 * (samples[:-1] + samples[1:])
     w = np.asarray(monitor(middles), float)
     if w.shape != middles.shape or not np.isfinite(w).all() or (w <= 0.0).any():
-        raise ProblemError(f"monitor: values between {np.min(w)!r} and {np.max(w)!r}; allowed: finite numbers > 0")
+        raise ProblemError(f"monitor: values between {np.min(w):g} and {np.max(w):g}; allowed: finite numbers > 0")
     mass = np.concatenate([[0.0], np.cumsum(w * np.diff(samples))])
     nodes = np.interp(np.linspace(0.0, mass[-1], count), mass, samples)
     nodes[0], nodes[-1] = 0.0, 1.0

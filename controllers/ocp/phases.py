@@ -31,15 +31,17 @@ from mathnavi.controllers.ocp.breaks import break_fractions
 from mathnavi.controllers.ocp.comparisons import Row, end_limits, rows
 from mathnavi.controllers.ocp.diagnosis import unbounded
 from mathnavi.controllers.ocp.expressions import expression
-from mathnavi.controllers.ocp.lowering import functions_of
+from mathnavi.controllers.ocp.lowering import Guesses, functions_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
 from mathnavi.controllers.ocp.problem import Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.scaling import Scale, Scaling
+from mathnavi.controllers.ocp.scaling_rows import programme_scales
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
-from mathnavi.controllers.ocp.stacking import add_clock, add_phase
+from mathnavi.controllers.ocp.stacking import add_clock, add_phase, phase_guesses
 from mathnavi.controllers.ocp.statement import Duration, Parameter, Statement, Variable, bounds
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.interfaces.errors import ProblemError
@@ -185,6 +187,7 @@ class MultiPhaseProblem:
         options: Options | None = None,
         scheme: Scheme | str | None = None,
         verify: bool | None = None,
+        starts: int | None = None,
     ) -> MultiPhaseSolution:
         """Solve all phases together, on nodes at the same fractions of their durations.
 
@@ -207,8 +210,25 @@ class MultiPhaseProblem:
             options=options,
             scheme=scheme,
             verify=verify,
+            starts=starts,
         )
         return self._unstacked(stacked)
+
+    def scaling(self) -> Scaling:
+        """Scales of the variables by name, "phase.variable", with where each comes from; printed as a table.
+
+        They are those of ``OptimalControlProblem.scaling``, phase by phase; states of the same name have the largest of
+        their automatic ones. The scale of a free duration is its guess. Raises ProblemError as ``functions`` does.
+        """
+        problem = self.functions()
+        origins = dict[str, Scale]()
+        for name, guess in self._guesses().items():
+            variables = [*self._phases[name].statement.states, *self._phases[name].statement.controls]
+            known = zip(variables, (*guess.state_scales, *guess.control_scales), strict=True)
+            origins |= {f"{name}.{variable.name}": scale for variable, scale in known}
+        values = zip((*problem.states, *problem.controls), (*problem.state_scale, *problem.control_scale), strict=True)
+        stated = {name: origins.get(name, Scale(float(value), "guess")) for name, value in values}
+        return Scaling(self.name, stated, *programme_scales(problem))
 
     def __repr__(self) -> str:
         return f"MultiPhaseProblem({self.name!r}, phases {[*self._phases]})"
@@ -245,9 +265,10 @@ class MultiPhaseProblem:
             raise ProblemError(f"{self.name}: no phase is begun; allowed: at least one")
         stacked = Statement(self.name, duration=Duration(1.0, 1.0, 1.0), parameters=list(self._parameters))
         elapsed = ca.SX(0)
-        for name, phase in self._phases.items():
+        for name, guess in self._guesses().items():
+            phase = self._phases[name].statement
             clock = add_clock(stacked, name) if name in clocked else (stacked.t, ca.SX(1))
-            elapsed = add_phase(stacked, name, phase.statement, elapsed, clock, shared=self._parameters)
+            elapsed = add_phase(stacked, name, phase, guess, elapsed, clock, shared=self._parameters)
         stacked.states += self._unknowns
         stacked.rates |= {v.name: ca.SX(0) for v in self._unknowns}
         fixed = {p.statement.final_time: p.statement.duration for p in self._phases.values()}
@@ -258,6 +279,10 @@ class MultiPhaseProblem:
                     made = ca.substitute(made, symbol, duration.guess)
             stacked.final.append(dataclasses.replace(row, expression=made))
         return stacked
+
+    def _guesses(self) -> dict[str, Guesses]:
+        """Guess and scales of each phase; ProblemError for one that is not complete."""
+        return phase_guesses(self.name, {name: phase.statement for name, phase in self._phases.items()})
 
     def _unstacked(self, stacked: Solution) -> MultiPhaseSolution:
         """Each phase as a separate solution, its times since the start of the phase."""

@@ -95,7 +95,9 @@ def _residual_density(solution: Solution, tau: Array, epsilon: float) -> Array:
 
 
 def _shares(errors: Array) -> Array:
-    """Errors (n,) over their sum; unchanged if all are zero."""
+    """Errors (n,) over their sum; unchanged if all are zero. One that is not finite counts as the largest that is."""
+    finite = np.isfinite(errors)
+    errors = np.where(finite, errors, errors[finite].max(initial=1.0))
     shares: Array = errors / total if (total := errors.sum()) > 0.0 else errors
     return shares
 

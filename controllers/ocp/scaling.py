@@ -9,10 +9,14 @@ how far the rates carry a state before T ends, or the state's own decay or oscil
 some possible controls,
 
     control      its guess, or two limits more than ten times that, else a single limit, else 1;
-    state        guess and ends, else the lesser of R and two limits, else what is there of R and a limit, else 1.
+    state        guess and ends, else the lesser of R and two limits, else what is there of R and a limit, else 1;
+    constant c   guess and limits, else the change that moves some state by its scale, 1 / max_i |∂f_i/∂c| τ_i / s_i,
+                 somewhere along the guess; 1 where that is from 0.01 to 100.
 
 Rounding noise, as sin π leaves it, is no magnitude: for a state, less than 1e-6 of R; for a control, or a state that
-nothing moves, at most 1e-12 of the largest number that is stated. The components of one vector share the largest.
+nothing moves, at most 1e-12 of the largest number that is stated; for a rate, as cos π/2 leaves it, less than 1e-6 of
+what the other states change it by, Σ_j |A_ij| s_j, which then takes its place in R. The components of one vector share
+the largest.
 """
 
 from __future__ import annotations
@@ -33,11 +37,13 @@ from mathnavi.interfaces.signals import Array
 NOTHING = "nothing known"
 """origin of a scale of 1 that no number suggests"""
 
+_REACH = "derivative"  # origin of a scale that is R
 _LEAST_SHARE = 1e-6  # of what the rates reach, below which the magnitude of a state is noise
 _FAIR_SHARE = 0.1  # of the limits of a control, from which its guess says more than they do
 _ROUNDING = 1e-12  # of the largest number that is stated
 _POINTS = 11  # along the guess, for the median of the rates
 _SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the range of the controls, for what they can do
+_ORDINARY = (1e-2, 1e2)  # scales of a constant that 1 does as well
 _MOST_ROWS = 40
 
 
@@ -106,11 +112,22 @@ def variable_scales(
     most = _largest_number(statement, x, u)
     controls = [_of_control(v, own, most) for v, own in zip(statement.controls, u.T, strict=True)]
     controls = _shared(statement.controls, controls)
-    reach = _reach(statement, times, x, u, p, np.array([scale.value for scale in controls]))
-    states = [
-        _of_state(v, own, _ends(statement, v), float(far), most)
-        for v, own, far in zip(statement.states, x.T, reach, strict=True)
-    ]
+    rates = _Rates(statement, times, x, u, p)
+    reach = rates.reach(np.array([scale.value for scale in controls]))
+
+    def scaled(reach: Array) -> list[Scale]:
+        return [
+            _of_state(v, own, _ends(statement, v), float(far), most)
+            for v, own, far in zip(statement.states, x.T, reach, strict=True)
+        ]
+
+    states = scaled(reach)
+    others = rates.by_others(np.array([0.0 if scale.origin == NOTHING else scale.value for scale in states]))
+    noise = (reach > 0.0) & (reach < _LEAST_SHARE * others)
+    states = scaled(np.where(noise, others, reach))
+    for k, size in rates.of_constants(np.array([scale.value for scale in states])):
+        if states[k].origin == NOTHING:
+            states[k] = Scale(size, _REACH)
     states = _shared(statement.states, states)
     for k, variable in enumerate(statement.states):
         if variable.scale is None and isinstance(variable.guess, Derived) and variable.guess.start_of:
@@ -173,7 +190,7 @@ def _of_state(variable: Variable, guess: Array, ends: float, reach: float, most:
     limit = _range(variable)
     if 0.0 < limit < reach:
         return Scale(limit, "bounds")
-    return _first((reach, "derivative"), (limit, "bounds"), (_single_limit(variable), "bounds"))
+    return _first((reach, _REACH), (limit, "bounds"), (_single_limit(variable), "bounds"))
 
 
 def _shared(variables: Sequence[Variable], scales: list[Scale]) -> list[Scale]:
@@ -192,35 +209,106 @@ def _shared(variables: Sequence[Variable], scales: list[Scale]) -> list[Scale]:
     return shared
 
 
+def shared_by_phases(phases: Mapping[str, tuple[Sequence[Variable], Sequence[Scale]]]) -> dict[str, list[Scale]]:
+    """Scales of the states of several phases: one of which no number is stated has the largest of its name.
+
+    R is how far a state is carried, not where it begins, and that may be told by another phase alone.
+
+    Args:
+        phases: states of each phase, by name, and their own scales.
+    """
+    largest: dict[str, Scale] = {}
+    for phase, (states, scales) in phases.items():
+        for variable, scale in zip(states, scales, strict=True):
+            name = _state(variable)
+            if scale.origin != NOTHING and (name not in largest or scale.value > largest[name].value):
+                largest[name] = Scale(scale.value, f"{scale.origin} of {phase}.{variable.name}")
+
+    def shared(states: Sequence[Variable], scales: Sequence[Scale]) -> list[Scale]:
+        origins = {v.name: scale.origin for v, scale in zip(states, scales, strict=True)}
+        unstated = {name for name, origin in origins.items() if origin == NOTHING or origin.startswith(_REACH)}
+        known = [largest.get(_state(v), scale) for v, scale in zip(states, scales, strict=True)]
+        return [
+            far if _state(v) in unstated and far.value != scale.value else scale
+            for v, scale, far in zip(states, scales, known, strict=True)
+        ]
+
+    return {phase: shared(*own) for phase, own in phases.items()}
+
+
+def _state(variable: Variable) -> str:
+    """Name of a state, or of the one whose start a constant is."""
+    own = variable.guess
+    return (own.start_of if isinstance(own, Derived) else "") or variable.name
+
+
 def _vector(name: str) -> str:
     """Name of the vector of which a variable is a component; empty for none."""
     return name.rpartition("[")[0] if name.endswith("]") else ""
 
 
-def _reach(statement: Statement, times: Array, x: Array, u: Array, p: Array, sizes: Array) -> Array:
-    """R (nx,) under the guessed and the possible controls, which without a limit go as far as their size."""
-    duration, nx = float(times[-1] - times[0]), len(statement.states)
-    at = np.linspace(times[0], times[-1], _POINTS)
-    x, u = (np.array([np.interp(at, times, each) for each in values.T]).T.reshape(_POINTS, -1) for values in (x, u))
-    rates = column(statement.rates.get(v.name, ca.SX(0)) for v in statement.states)
-    A = ca.jacobian(rates, statement.x)
-    known = [ca.densify(each) for each in (rates, ca.diag(A), ca.diag(ca.mtimes(A, A)) - ca.diag(A) ** 2)]
-    function = ca.Function("rates", statement.along, known, {"cse": True}).map(_POINTS)
-    lower, upper = (
-        np.array([limit if math.isfinite(limit) else side * size for limit, size in zip(limits, sizes, strict=True)])
-        for side, limits in (
-            (-1.0, [v.lower for v in statement.controls]),
-            (1.0, [v.upper for v in statement.controls]),
+class _Rates:
+    """Rates of the states along a guess, and their derivatives."""
+
+    def __init__(self, statement: Statement, times: Array, x: Array, u: Array, p: Array) -> None:
+        """Sample the guess x (k, nx), u (k, nu) at times (k,) [s], with parameters p (np,)."""
+        self._statement, self._p = statement, np.tile(p[:, None], (1, _POINTS))
+        self._duration, self._times = float(times[-1] - times[0]), np.linspace(times[0], times[-1], _POINTS)
+        self._x, self._u = (
+            np.array([np.interp(self._times, times, each) for each in values.T]).T.reshape(_POINTS, -1)
+            for values in (x, u)
         )
-    )
-    reach = np.zeros(nx)
-    for share in (None, *_SHARES):
-        controls = u if share is None else np.tile((1.0 - share) * lower + share * upper, (_POINTS, 1))
-        made = function(x.T, controls.T, at[None, :], np.tile(p[:, None], (1, _POINTS)))
-        f, own, loop = (np.array(each.full()) for each in made)
+        rates = column(statement.rates.get(v.name, ca.SX(0)) for v in statement.states)
+        self._constant = np.array([rates[k].is_zero() for k in range(len(statement.states))], bool)
+        A = ca.jacobian(rates, statement.x)
+        loops = ca.diag(ca.mtimes(A, A)) - ca.diag(A) ** 2
+        known = [ca.densify(each) for each in (rates, ca.diag(A), loops, ca.vec(A))]
+        self._function = ca.Function("rates", statement.along, known, {"cse": True}).map(_POINTS)
+
+    def reach(self, sizes: Array) -> Array:
+        """R (nx,) under the guessed and the possible controls, which without a limit go as far as their size (nu,)."""
+        controls = self._statement.controls
+        lower, upper = (
+            np.array(
+                [limit if math.isfinite(limit) else side * size for limit, size in zip(limits, sizes, strict=True)]
+            )
+            for side, limits in ((-1.0, [v.lower for v in controls]), (1.0, [v.upper for v in controls]))
+        )
+        reach = np.zeros(len(self._constant))
+        for share in (None, *_SHARES):
+            u = self._u if share is None else np.tile((1.0 - share) * lower + share * upper, (_POINTS, 1))
+            f, times, _ = self._at(u)
+            with np.errstate(invalid="ignore"):
+                reach = np.fmax(reach, _medians(np.abs(f) * times))
+        return reach
+
+    def by_others(self, scales: Array) -> Array:
+        """How far (nx,) the rates carry a state once the others have moved by their scales (nx,); 0 of one unknown."""
+        _, times, A = self._at(self._u)
         with np.errstate(invalid="ignore"):
-            fastest = np.fmax(np.fmax(-own, np.sqrt(np.fmax(-loop, 0.0))), 1.0 / duration)
-        for i, row in enumerate(np.abs(f) / fastest):
-            finite = row[np.isfinite(row)]
-            reach[i] = max(reach[i], float(np.median(finite)) if len(finite) else 0.0)
-    return reach
+            return _medians(np.einsum("ijk,j->ik", np.abs(A), scales) * times)
+
+    def of_constants(self, scales: Array) -> Iterator[tuple[int, float]]:
+        """Index of each constant with a change that moves a state by its scale, of (nx,), unless that is ordinary."""
+        _, times, A = self._at(self._u)
+        with np.errstate(invalid="ignore"):
+            moved = np.abs(A) * (times / scales[:, None])[:, None, :]
+        for k in np.flatnonzero(self._constant):
+            own = moved[~self._constant, k]
+            most = float(own[np.isfinite(own)].max(initial=0.0))
+            if most > 0.0 and not _ORDINARY[0] <= 1.0 / most <= _ORDINARY[1]:
+                yield int(k), 1.0 / most
+
+    def _at(self, u: Array) -> tuple[Array, Array, Array]:
+        """f (nx, m), τ (nx, m) and A (nx, nx, m) at the m points of the guess under controls (m, nu)."""
+        made = self._function(self._x.T, u.T, self._times[None, :], self._p)
+        f, own, loop, A = (np.array(each.full()) for each in made)
+        with np.errstate(invalid="ignore"):
+            times = 1.0 / np.fmax(np.fmax(-own, np.sqrt(np.fmax(-loop, 0.0))), 1.0 / self._duration)
+        return f, times, A.reshape(len(f), len(f), -1, order="F")
+
+
+def _medians(rows: Array) -> Array:
+    """Median of what is finite in each row, 0 for nothing."""
+    finite = [row[np.isfinite(row)] for row in rows]
+    return np.array([float(np.median(row)) if len(row) else 0.0 for row in finite])

@@ -28,6 +28,7 @@ from mathnavi.interfaces.signals import Array
 
 _ORDINARY_COST = (1e-3, 1e3)
 _ORDINARY_ROW = (1e-2, 1e2)
+_ROUNDING = 1e-9  # of J: changes below are those of a J that nothing changes, which has its own size
 _LARGE = 1e2  # change that is left of a large J
 _FAR, _NOTHING = 1e3, 1e-12  # of the scale of J: J over it that asks for another scale
 _GUESSED = 1e-9  # of the scale, above which the guess of a control says how large it is
@@ -51,7 +52,7 @@ def cost_scale(problem: ProblemFunctions, times: Array, x: Array, u: Array, dura
     at_end = np.array(terminal(x[-1], duration, p).full())
     changes = [
         duration * _change(along[1 : 1 + n], along[1 + n :], scales[:, None]),
-        _change(at_end[1 : 1 + problem.nx], at_end[1 + problem.nx :], problem.state_scale[:, None]),
+        _change(at_end[1 : 1 + problem.nx], at_end[1 + problem.nx : -1], problem.state_scale[:, None]),
     ]
     if problem.free_duration:
         changes.append(duration * np.abs(along[:1] + at_end[0]))
@@ -60,7 +61,8 @@ def cost_scale(problem: ProblemFunctions, times: Array, x: Array, u: Array, dura
         slopes = np.array(_row_slopes(found.cost, (arguments := found.cost.sx_in()), arguments[0])(X, p).full())[0]
         slopes, curvatures = np.split(slopes, 2)
         changes.append(_change(slopes, curvatures, size))
-    scale = _power_of_ten(_largest(changes), _ORDINARY_COST)
+    largest, own = _largest(changes), _largest([duration * np.abs(along[:1]), np.abs(at_end[-1:])])
+    scale = _power_of_ten(own if largest < _ROUNDING * own else largest, _ORDINARY_COST)
     return scale / _LARGE if scale > 1.0 else scale
 
 
@@ -184,12 +186,16 @@ def state_row_scale(problem: ProblemFunctions) -> Array:
 
 @lru_cache(maxsize=64)
 def _cost_slopes(problem: ProblemFunctions, count: int) -> tuple[ca.Function, ca.Function]:
-    """(x, u, t, p) -> L, its gradient by x and u, second derivatives, of ``count`` points; (x, T, p) -> that of Psi."""
+    """(x, u, t, p) -> L, its gradient by x and u, second derivatives, of ``count`` points; (x, T, p) -> of Psi.
+
+    Those of Psi are Psi_T, its gradient by x, second derivatives, and Psi itself.
+    """
     along, at_end = problem.running_cost.sx_in(), problem.terminal_cost.sx_in()
     L, Psi = problem.running_cost(*along), problem.terminal_cost(*at_end)
     v = ca.vertcat(along[0], along[1])
     of_running = ca.vertcat(L, ca.gradient(L, v), _own_curvature(L, v))
-    of_terminal = ca.vertcat(ca.gradient(Psi, at_end[1]), ca.gradient(Psi, at_end[0]), _own_curvature(Psi, at_end[0]))
+    by_T, by_x = ca.gradient(Psi, at_end[1]), ca.gradient(Psi, at_end[0])
+    of_terminal = ca.vertcat(by_T, by_x, _own_curvature(Psi, at_end[0]), Psi)
     return (
         ca.Function("running", along, [ca.densify(of_running)]).map(count),
         ca.Function("terminal", at_end, [ca.densify(of_terminal)]),

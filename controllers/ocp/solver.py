@@ -46,6 +46,7 @@ DEFAULT = Options()
 _BEFORE_THE_END = 1.0 - 1e-10
 _AT_NODE = 1e-9  # of T, from a node that is at a given time
 _MAY_BE_INFEASIBLE = (SolverOutcome.NO_FEASIBLE_POINT, SolverOutcome.LIMIT, SolverOutcome.FAILED)
+_FEASIBLE = 1e-4  # scaled violation up to which a last iterate may show that J has no least value
 _MAY_BE_UNBOUNDED = (SolverOutcome.CONVERGED, SolverOutcome.UNBOUNDED, SolverOutcome.LIMIT, SolverOutcome.FAILED)
 
 
@@ -101,6 +102,7 @@ class Transcription:
         arcs: Arcs | None = None,
         *,
         explained: bool = True,
+        plain_rows: bool = False,
     ) -> Solution:
         """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
@@ -112,6 +114,7 @@ class Transcription:
                 transcription has. None for a transcription of one arc.
             explained: True if a programme without arcs that found no feasible point names the constraints that cannot
                 hold together.
+            plain_rows: True for rows as they are stated, over no scales of their own.
 
         Raises:
             ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and
@@ -135,7 +138,8 @@ class Transcription:
         if (1 if arcs is None else len(arcs)) != self._arcs:
             raise ProblemError(f"arcs: {arcs}; allowed: the {self._arcs} of this transcription")
         if (instant_nodes := nodes_of_instants(self.problem, where)) != self.instant_nodes:
-            return self._sibling(instant_nodes).solve(guess, where, p, arcs, explained=explained)
+            same = self._sibling(instant_nodes)
+            return same.solve(guess, where, p, arcs, explained=explained, plain_rows=plain_rows)
         shares = None
         smoothing = np.zeros((self.nodes - 1, self.layout.smoothed))
         if arcs is not None and arcs.smoothing is not None:
@@ -159,7 +163,7 @@ class Transcription:
             self._tie(bounds, arcs, where, x_0)
         elif self._clocks and isinstance(guess, Solution) and not self.scheme.shared:
             bounds = self._as_guessed(bounds, guess, where, x_0)
-        answer = self.solver.solve(x_0, known, bounds=bounds)
+        answer = self.solver.solve(x_0, known, bounds=bounds, plain_rows=plain_rows)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))
@@ -178,7 +182,8 @@ class Transcription:
             u = found.u / self.problem.control_scale
             added = float((control_variations(self.scheme, u) * smoothing).sum())
             found = dataclasses.replace(found, cost=found.cost - added)
-        if answer.status in _MAY_BE_UNBOUNDED and found.status is answer.status:
+        feasible = answer.violation <= _FEASIBLE or answer.status is SolverOutcome.UNBOUNDED
+        if answer.status in _MAY_BE_UNBOUNDED and found.status is answer.status and feasible:
             u, diverged = np.concatenate(list(found.u)), answer.status is SolverOutcome.UNBOUNDED
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)

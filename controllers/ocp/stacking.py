@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
@@ -15,7 +16,8 @@ from mathnavi.controllers.ocp.clocks import clock_name, rate_name
 from mathnavi.controllers.ocp.comparisons import Row
 from mathnavi.controllers.ocp.guesses import Values
 from mathnavi.controllers.ocp.instants import check_instant
-from mathnavi.controllers.ocp.lowering import guesses_of
+from mathnavi.controllers.ocp.lowering import Guesses, guesses_of
+from mathnavi.controllers.ocp.scaling import shared_by_phases
 from mathnavi.controllers.ocp.statement import Instant, Parameter, Statement, Variable
 from mathnavi.controllers.ocp.substitutions import guessed, since_start
 from mathnavi.interfaces.errors import ProblemError
@@ -32,20 +34,33 @@ def add_clock(stacked: Statement, name: str) -> tuple[ca.SX, ca.SX]:
     return time, rate
 
 
+def phase_guesses(problem: str, phases: Mapping[str, Statement]) -> dict[str, Guesses]:
+    """Guesses and scales of each phase, by name; states of the same name have the same automatic scale.
+
+    Raises ProblemError for a phase that is not complete, with the name of the problem, and as ``guesses_of`` does.
+    """
+    for name, phase in phases.items():
+        if phase.duration is None:
+            raise ProblemError(f"{problem}: phase {name} has no duration; allowed: duration() or free_duration()")
+        if missing := [v.name for v in phase.states if v.name not in phase.rates]:
+            raise ProblemError(f"{problem}: phase {name}: no dynamics for {', '.join(missing)}; allowed: one for each")
+    found = {name: guesses_of(guessed(since_start(phase))) for name, phase in phases.items()}
+    shared = shared_by_phases({name: (phases[name].states, own.state_scales) for name, own in found.items()})
+    return {name: dataclasses.replace(own, state_scales=shared[name]) for name, own in found.items()}
+
+
 def add_phase(
     stacked: Statement,
     name: str,
     phase: Statement,
+    guess: Guesses,
     elapsed: ca.SX,
     clock: tuple[ca.SX, ca.SX],
     shared: list[Parameter],
 ) -> ca.SX:
-    """Add a phase that begins at t = ``elapsed`` [s], with its time and rate on τ; returns when it ends."""
+    """Add a phase that begins at t = ``elapsed`` [s], with its guess, time and rate on τ; returns when it ends."""
     duration = phase.duration
-    if duration is None:
-        raise ProblemError(f"{stacked.name}: phase {name} has no duration; allowed: duration() or free_duration()")
-    if missing := [v.name for v in phase.states if v.name not in phase.rates]:
-        raise ProblemError(f"{stacked.name}: phase {name}: no dynamics for {', '.join(missing)}; allowed: one for each")
+    assert duration is not None
     T = phase.final_time if duration.free else ca.SX(duration.guess)
     begin = elapsed if phase.start_time.is_zero() else phase.start_time
     time, rate = clock
@@ -58,7 +73,6 @@ def add_phase(
     def renamed(rows_of: list[Row]) -> list[Row]:
         return [dataclasses.replace(row, expression=at(row.expression), name=f"{name}: {row.name}") for row in rows_of]
 
-    guess = guesses_of(guessed(since_start(phase)))
     columns = zip((*guess.states.T, *guess.controls.T), (*guess.state_scale, *guess.control_scale), strict=True)
     for k, (variable, (values, scale)) in enumerate(zip((*phase.states, *phase.controls), columns, strict=True)):
         among = stacked.states if k < len(phase.states) else stacked.controls

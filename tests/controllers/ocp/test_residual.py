@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,15 @@ def test_a_polynomial_solution_leaves_no_residual() -> None:
     assert local_errors(solution).max() < 1e-12
     # u is a straight line, so L is a parabola: what Hermite-Simpson integrates is L itself.
     assert cost_errors(solution).max() < 1e-12
+
+
+def test_where_a_failed_solve_is_not_finite_its_error_is_the_largest() -> None:
+    solution = solve(double_integrator_energy(), 5)
+    broken = solution.u.copy()
+    broken[-1] = np.nan
+    density = RESIDUAL.density(dataclasses.replace(solution, u=broken), np.linspace(0.1, 0.9, 5), 1e-12)
+    assert np.isfinite(density).all()
+    assert density.argmax() == 4
 
 
 @pytest.mark.parametrize(("scheme", "power"), [(LegendreGaussLobatto(2), 4), (LegendreGaussLobatto(3), 5)])

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from tests.controllers.ocp.statements import double_integrator, integrator
@@ -38,6 +39,67 @@ def test_rounding_noise_is_no_magnitude(stated: dict[str, Any]) -> None:
     solution = ocp.solve()
     assert solution.status is SolverOutcome.OPTIMAL
     assert solution.cost == pytest.approx(12.0, rel=1e-9)
+
+
+def test_a_rate_of_rounding_noise_says_nothing_of_its_state() -> None:
+    """East at a heading of north: y' = v cos ψ is 1e-15 along the guess, and a turn makes it of the size of v."""
+    ocp = OptimalControlProblem("heading")
+    y, psi, u = ocp.state("y"), ocp.state("psi", guess=math.pi / 2), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(10.0)
+    ocp.dynamics(ca.vertcat(y, psi), ca.vertcat(5.0 * ca.cos(psi), u))
+    ocp.minimise(terminal=-y)
+    scaling = ocp.scaling()
+    assert scaling["y"] == pytest.approx(50.0 * math.pi / 2)
+    assert scaling.cost.value == 1.0
+
+
+def test_a_constant_has_the_scale_that_moves_a_state_by_its_own() -> None:
+    """θ of y' = -θ y over a day: 1 / 86,400 decays y by all of it, and 1 would make the guess stiff."""
+    ocp = OptimalControlProblem("decay over a day")
+    y, theta = ocp.state("y"), ocp.unknown("theta", lower=0.0)
+    ocp.duration(86400.0)
+    ocp.dynamics(y, -theta * y)
+    ocp.start(y, 100.0)
+    ocp.guess(y, (100.0, 50.0))
+    ocp.minimise(terminal=(y - 37.0) ** 2)
+    assert ocp.scaling()["theta"] == pytest.approx(1 / 86400.0)
+    assert ocp.scaling().origins["theta"] == "derivative"
+    solution = ocp.solve(15)
+    assert solution["theta"][0] == pytest.approx(math.log(100.0 / 37.0) / 86400.0, rel=1e-6)
+
+
+def test_a_state_of_a_phase_that_no_number_describes_has_the_scale_of_another_phase() -> None:
+    problem = MultiPhaseProblem("burn, then coast")
+    burn, coast = problem.phase("burn"), problem.phase("coast")
+    for phase, rate in ((burn, 5.0), (coast, 0.0)):
+        v, m = phase.state("v"), phase.state("m", guess=2.0 if rate else 1.0)
+        phase.dynamics(v, rate + 1e-5)
+        phase.dynamics(m, 0.0)
+        phase.duration(10.0)
+    problem.link(burn, coast)
+    scaling = problem.scaling()
+    assert scaling["coast.v"] == pytest.approx(50.0, rel=1e-3)
+    assert scaling["coast.v(0)"] == scaling["coast.v"]
+    assert [scaling["burn.m"], scaling["coast.m"]] == [2.0, 1.0]  # as guessed
+    assert scaling.origins["coast.v"] == "derivative of burn.v"
+    assert repr(scaling).startswith("Scales of 'burn, then coast'")
+
+
+def test_a_cost_that_nothing_changes_keeps_its_own_scale() -> None:
+    """All ways of constant speed cost the same, and what is left of the slopes is rounding noise."""
+    ocp = OptimalControlProblem("constant speed")
+    x, y, theta = ocp.state("x", guess=(0.0, 1.0)), ocp.state("y"), ocp.control("theta", lower=-9.0, upper=9.0)
+    dx, dy = 2.138 * ca.cos(theta), 2.138 * ca.sin(theta)
+    ocp.duration(1.0)
+    ocp.dynamics(ca.vertcat(x, y), ca.vertcat(dx, dy))
+    ocp.minimise(running=dx**2 + dy**2)
+    ocp.start(ca.vertcat(x, y), 0.0)
+    ocp.end(ca.vertcat(x, y), [1.0, 0.5])
+    ocp.guess(theta, lambda t: 0.7 + math.sin(9.0 * t))
+    assert ocp.scaling().cost.value == 1.0
+    solution = ocp.solve()
+    assert solution.status is SolverOutcome.OPTIMAL
+    assert solution.cost == pytest.approx(2.138**2)
 
 
 def test_the_components_of_a_vector_share_the_largest_scale() -> None:

@@ -13,6 +13,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.cops import goddard, hanging_chain
 from mathnavi.controllers.ocp.replay import GIVEN_NODES, judged
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution, SolverOutcome
+from mathnavi.controllers.ocp.solver import Options
 from mathnavi.interfaces.errors import ProblemError
 from tests.controllers.ocp.statements import integrator, transfer
 from tests.perturbed_starts import perturbed_starts
@@ -91,6 +92,15 @@ def test_nor_is_the_least_final_time() -> None:
     ocp, _, _ = integrator(limit=1.0)
     ocp.minimise(terminal=ocp.free_duration(guess=1.0))
     assert "T ends at 0.001 s, its default lower limit" in ocp.solve(5).message
+
+
+def test_nor_is_a_limit_at_which_a_last_iterate_breaks_its_constraints() -> None:
+    """A metre at 1 m/s in a millisecond is no flight whose cost has no least value."""
+    ocp, x, _ = integrator(limit=1.0)
+    ocp.minimise(terminal=ocp.free_duration(guess=1e-3))
+    ocp.end(x, 1.0)
+    assert ocp.solve(5, options=Options(iterations=1)).status is SolverOutcome.LIMIT
+    assert ocp.solve(5).cost == pytest.approx(1.0)
 
 
 def test_a_final_time_that_has_not_yet_come_to_its_limit_runs_away() -> None:

@@ -416,6 +416,7 @@ class OptimalControlProblem:
         breaks: Sequence[float] = (),
         replay: bool = True,
         verify: bool | None = None,
+        starts: int | None = None,
     ) -> Solution:
         """Solve the problem by collocation, replay the solution through its own dynamics, and verify it.
 
@@ -449,6 +450,10 @@ class OptimalControlProblem:
             verify: True to bound the error of J on two finer meshes, which takes about one more solve; False for the
                 second-order condition alone. None: True, but for "direct" and where a number of nodes is given to
                 "auto": their message says that the error of J is not estimated.
+            starts: number k of guesses, the stated one and k - 1 others, simulated under other controls or perturbed
+                by draws of a fixed seed, that are solved on a coarse mesh; the lowest is solved by the method, and the
+                message says what each found. None: 2 where the error of J is bounded, otherwise 1. The minimum that is
+                returned is a local one, lower than those of the other starts.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
@@ -475,6 +480,7 @@ class OptimalControlProblem:
             scheme=scheme,
             replay=replay,
             verify=verify,
+            starts=starts,
         )
 
     def _with_breaks(self, breaks: Sequence[float], method: str) -> ProblemFunctions:

@@ -45,6 +45,7 @@ def automatic(
     tolerance: float | None = None,
     options: Options | None = None,
     budget: Budget | None = None,
+    bounded: bool = True,
 ) -> Solution:
     """Solve a problem by the method that suits it; the solution's message says which, and why.
 
@@ -57,6 +58,7 @@ def automatic(
             of nodes, and 1e-6 otherwise.
         options: solver and its own tolerance; None for each method's own.
         budget: CPU time of the call that this one belongs to; None for the seconds of the options.
+        bounded: True to bound the error of J where nodes are placed at crossings, which are judged here.
 
     Returns:
         The solution with its replay; failure is in its status.
@@ -80,7 +82,7 @@ def automatic(
         return first
     if first is not None and first.not_smooth:
         left = budget.left(options or OPTIONS)
-        return solved_at_crossings(first, tolerance=within, parameters=parameters, options=left)
+        return solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
     moved = attempts.tried(
         "redistribution, residual",
         lambda left: redistribute(

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.distribution import Equidistributed
-from mathnavi.controllers.ocp.feasibility.restarts import with_restarts
+from mathnavi.controllers.ocp.feasibility.restarts import sampled, with_restarts
 from mathnavi.controllers.ocp.grid import check_breaks, check_nodes
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.automatic import automatic, by_hp
@@ -21,6 +21,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.verification.other_starts import OtherStarts
 from mathnavi.controllers.ocp.verification.verified import verified
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
@@ -54,6 +55,7 @@ def solve_by(
     scheme: Scheme | str | None = None,
     replay: bool = True,
     verify: bool | None = None,
+    starts: int | None = None,
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's; and verify it.
 
@@ -75,6 +77,7 @@ def solve_by(
         replay: False for one solve on a given number of nodes that is not replayed, and at best CONVERGED.
         verify: True to bound the error of J on two finer meshes; False for the second-order condition alone; None for
             the bound with every method but "direct" (and "auto" on a given number of nodes).
+        starts: number of guesses that the problem is solved from; None for two where the error of J is bounded.
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused. It is
@@ -90,17 +93,24 @@ def solve_by(
         check_breaks(problem.name, check_nodes(nodes), problem.breaks)
     if method not in get_args(Method):
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
+    if starts is not None and (isinstance(starts, bool) or not isinstance(starts, int) or starts < 1):
+        raise ProblemError(f"starts = {starts!r}; allowed: a whole number >= 1")
     budget = Budget(DEFAULT if options is None else options)
-    chosen = partial(_by_method, problem, nodes, method, monitor, parameters, tolerance, options, scheme, budget)
+    at_crossings = verify is not False
+    chosen = partial(
+        _by_method, problem, nodes, method, monitor, parameters, tolerance, options, scheme, budget, at_crossings
+    )
     if not replay:
+        if starts is not None and starts > 1:
+            raise ProblemError(f"starts = {starts} with replay = False; allowed: replay = True, by which they compare")
         if verify:
             raise ProblemError("verify = True with replay = False; allowed: replay = True, for what verifies flies it")
         return chosen(guess, replay=False)
     fine = nodes is None or method == "hp"
     within = tolerance if tolerance is not None else TOLERANCE if fine else GIVEN_NODES
     given_mesh = nodes is not None or monitor is not None or scheme is not None
-    own = DEFAULT if options is None else options
-    found = with_restarts(problem, chosen, guess, parameters, within, own, budget, given_mesh=given_mesh)
+    first = DEFAULT if options is None else options
+    found = with_restarts(problem, chosen, guess, parameters, within, first, budget, given_mesh=given_mesh)
     if found.surface_nodes:  # judged with nodes that move with the surfaces
         return dataclasses.replace(found, solved_programme=None)
     adaptive = method == "hp" or (method == "auto" and not given_mesh and found.method == "hp")
@@ -111,7 +121,12 @@ def solve_by(
         return by_hp(better) if method == "auto" else better
 
     bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
-    return verified(found, again if adaptive else None, options, budget, bounded=bounded)
+    count = (2 if bounded else 1) if starts is None else starts
+    own = problem.guess if guess is None else sampled(guess)
+    others = OtherStarts(count - 1, own, (lambda start: again(start, None)) if adaptive else chosen)
+    return verified(
+        found, again if adaptive else None, options, budget, bounded=bounded, others=others if count > 1 else None
+    )
 
 
 def _by_method(
@@ -124,6 +139,7 @@ def _by_method(
     options: Options | None,
     scheme: Scheme | str | None,
     budget: Budget,
+    bounded: bool,
     guess: Solution | None,
     *,
     replay: bool = True,
@@ -144,7 +160,8 @@ def _by_method(
         return solve(problem, nodes, replay=False, options=left, **given)
     if method in ("auto", "hp") and monitor is None:
         if method == "auto":
-            return automatic(problem, nodes, tolerance=tolerance, options=options, budget=budget, **given)
+            limits: dict[str, Any] = {"tolerance": tolerance, "options": options, "budget": budget}
+            return automatic(problem, nodes, bounded=bounded, **limits, **given)
         within = TOLERANCE if tolerance is None else tolerance
         own = budget.left(OPTIONS if options is None else options)
         return hp(problem, nodes or MOST_NODES, tolerance=within, options=own, **given)

@@ -23,7 +23,12 @@ _ROUNDS = 3
 
 
 def solved_at_crossings(
-    first: Solution, *, parameters: Array | None = None, tolerance: float, options: Options = OPTIONS
+    first: Solution,
+    *,
+    parameters: Array | None = None,
+    tolerance: float,
+    options: Options = OPTIONS,
+    bounded: bool = True,
 ) -> Solution:
     """The solution with a node at each crossing; where there is none the first one, CONVERGED, and the reason.
 
@@ -32,6 +37,7 @@ def solved_at_crossings(
         parameters: (np,) values of the problem's parameters; None for the nominal ones.
         tolerance: of the replay.
         options: solver, its tolerance, and the seconds of all rounds.
+        bounded: True to bound the error of J.
     """
     current, timing, budget = first, first.timing, Budget(options)
     for _ in range(_ROUNDS):
@@ -46,17 +52,18 @@ def solved_at_crossings(
             return _without(first, current, f"with a node at each crossing it is not solved: {found.message}")
         current = replayed(dataclasses.replace(parts.merged(found), method="hp", timing=timing), tolerance)
         if current.ok:
-            return _judged(current, verified(found, None, options, budget))
+            return _judged(current, verified(found, None, options, budget, bounded=bounded), bounded)
         if not current.not_smooth:
             return _without(first, current, f"with a node at each crossing it is {current.message}")
     return _without(first, current, f"in {_ROUNDS} rounds the crossings change each time")
 
 
-def _judged(current: Solution, parts: Solution) -> Solution:
+def _judged(current: Solution, parts: Solution, bounded: bool) -> Solution:
     """A solution with a node at each crossing, with the word that its parts have earned: their nodes move with it."""
     placed = ", ".join(str(each) for each in crossings(current))
     known = parts.status is not SolverOutcome.CONVERGED or math.isfinite(parts.cost_bound)
     error = f"J within {parts.cost_bound:.2g}" if known else "the error of J is unknown"
+    error = error if bounded else "the error of J is not estimated"
     message = f"hp, a node where {placed}; {current.message}; {error}"
     return dataclasses.replace(current, status=parts.status, cost_bound=parts.cost_bound, message=message)
 

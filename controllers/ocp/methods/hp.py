@@ -43,9 +43,17 @@ from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.clocks import clocks_of, without_vanished
 from mathnavi.controllers.ocp.defects import defects, running_costs
 from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
-from mathnavi.controllers.ocp.layout import control_variations
+from mathnavi.controllers.ocp.layout import control_variations, mixed_constraints
 from mathnavi.controllers.ocp.methods.adaptation import solve
-from mathnavi.controllers.ocp.methods.hp_mesh import TINY, VIOLATION, HpMesh, interval_errors, meshed, with_boundaries
+from mathnavi.controllers.ocp.methods.hp_mesh import (
+    TINY,
+    VIOLATION,
+    HpMesh,
+    IntervalErrors,
+    interval_errors,
+    meshed,
+    with_boundaries,
+)
 from mathnavi.controllers.ocp.methods.switching_gaps import switching_gaps
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
@@ -170,7 +178,9 @@ _MOST_ARCS = 30
 _MOST_VISITS = 2  # to the same structure, before the rounds stay with it
 _SMOOTHING = 1e-2  # first weight ρ, over |J|
 _JITTER = 1e-4  # of that weight for a control that J or the dynamics bend: it would jitter in a narrow interval
+_STALE = 3  # rounds that do not halve what a constraint is missed by, before boundaries no longer move
 _MOST_BENT = 6  # rounds in which only a violated constraint adds nodes
+_ASTRAY = 1e-2  # least relative rise of J that the errors have to explain
 _COARSE = 1e-3  # sum of errors above which a structure is kept
 _LEAST = 1e-3  # of the tolerance: least limit of the defects
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
@@ -186,7 +196,13 @@ class _Plan:
     every: bool = False  # True if all free controls are smoothed, not only those that enter linearly
 
     def solved(
-        self, problem: ProblemFunctions, guess: Solution | None, parameters: Array | None, options: Options
+        self,
+        problem: ProblemFunctions,
+        guess: Solution | None,
+        parameters: Array | None,
+        options: Options,
+        *,
+        plain_rows: bool = False,
     ) -> Solution:
         known = self.structure
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
@@ -195,7 +211,7 @@ class _Plan:
         arcs = Arcs(intervals, *known.limits(problem), smoothing=weights)
         at = nodes_of_instants(problem, self.mesh.grid)
         made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known), at)
-        return unwound(made.solve(guess, self.mesh.grid, parameters, arcs))
+        return unwound(made.solve(guess, self.mesh.grid, parameters, arcs, plain_rows=plain_rows))
 
     def added(self, solution: Solution) -> float:
         """Bound on what the smoothing adds to J: J is at most as much above its least value."""
@@ -254,10 +270,22 @@ def hp(
         return dataclasses.replace(explained, method="hp")
     allowed, change, visited, bent = _MARGIN * tolerance, math.inf, [plan.structure], 0
     free = bool(problem.breaks)  # a boundary that moves would move them too: switches between them are narrowed down
-    failures = 0
+    # Boundaries move to where a constraint of states alone, which no arc holds, is missed between the points.
+    leaping = len(mixed_constraints(problem)) < len(problem.path_names)
+    failures, left, stale, best = 0, False, 0, (math.inf, plan, current)
     for number in range(_ROUNDS):
         known, seen, own = defects(current), structure(current), plan.placed(current)
-        errors = interval_errors(current, known, switching_gaps(current) if problem.breaks else None)
+        errors = interval_errors(current, known, switching_gaps(current) if problem.breaks or left else None)
+        worst = max(errors.total, errors.path.max(), errors.held.max())
+        leaps = leaping and errors.path.max() == worst
+        stale = stale + 1 if leaps and worst >= 0.5 * best[0] else 0
+        if worst < best[0]:
+            best = worst, plan, current
+        if len(plan.structure) > 1 and not free and stale >= _STALE:
+            free, left, stale, own = True, True, 0, without_structure(problem)
+            plan, current = best[1], dataclasses.replace(best[2], timing=current.timing)
+            known = defects(current)
+            errors = interval_errors(current, known, switching_gaps(current))
         visits = sum(seen.same(other) for other in visited)
         coarse = len(own) > 1 and errors.total > _COARSE  # a mesh that is too coarse shows arcs that are none
         settled = (
@@ -283,7 +311,7 @@ def hp(
             following = _Plan(mesh, seen, rho, plan.every)
         if budget.spent:
             break
-        found, following, smooth_start = _next(problem, following, current, parameters, budget, options)
+        found, following, smooth_start = _next(problem, following, current, errors, parameters, budget, options)
         failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
         if not found.solved or failures > 1:
@@ -327,16 +355,18 @@ def _first(
 ) -> tuple[_Plan, Solution]:
     """First grid that the solver solves, and its solution; the last solution if it solves none.
 
-    The grid is that of the guess, or a uniform one.
+    The grid is that of the guess, or a uniform one. Each second programme has its rows as they are stated: which scales
+    lead from a guess to a solution, chance decides.
     """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
     starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
     if guess is not None and len(guess.grid) <= most_nodes:
         grid = on_breaks(guess.grid, problem.breaks)
         starts.insert(0, (with_boundaries(grid, np.array(problem.breaks), most_nodes), _STARTS[0][1]))
-    for grid, count in starts:
+    for number, (grid, count) in enumerate(starts):
         plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
-        found = plan.solved(problem, guess, parameters, budget.left(options))
+        plain = number % 2 == 1
+        found = plan.solved(problem, guess, parameters, budget.left(options), plain_rows=plain)
         timing += found.timing
         if found.solved or found.status is SolverOutcome.INFEASIBLE or budget.spent:
             break
@@ -347,15 +377,18 @@ def _next(
     problem: ProblemFunctions,
     following: _Plan,
     current: Solution,
+    errors: IntervalErrors,
     parameters: Array | None,
     budget: Budget,
     options: Options,
 ) -> tuple[Solution, _Plan, bool]:
-    """Solution of the following plan; where the solver fails, of an easier one.
+    """Solution of the following plan; where the solver fails or goes astray, of an easier one.
 
-    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. The last result is
-    True if the first try was enough.
+    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. A solution has gone
+    astray to another minimum where its J is larger than the errors of the current one explain. The last result is True
+    if the first try was enough.
     """
+    dearest = current.cost + abs(current.cost) * max(_ASTRAY, 10.0 * errors.total)
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     last = HpMesh.from_solution(current).with_boundaries(np.array(problem.breaks), len(current.grid))
     nodes = last.with_boundaries(np.append(following.structure.boundaries, problem.breaks), len(current.grid))
@@ -365,11 +398,15 @@ def _next(
         _Plan(nodes, without, weight, every=True),
         _Plan(HpMesh(last.grid, last.counts + 1), without, weight, every=True),
     )
+    cheapest: tuple[Solution, _Plan] | None = None
     for each in tries:
         found = each.solved(problem, current, parameters, budget.left(options))
         timing += found.timing
-        if found.solved or budget.spent:
+        if found.solved and (cheapest is None or found.cost < cheapest[0].cost):
+            cheapest = found, each
+        if (found.solved and found.cost <= dearest) or budget.spent:
             break
+    found, each = cheapest or (found, each)
     return dataclasses.replace(found, timing=timing), each, each is following
 
 

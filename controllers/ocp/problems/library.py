@@ -116,7 +116,7 @@ PROBLEMS: dict[str, KnownOptimum] = {
     "hang glider": KnownOptimum(hang_glider, 1248.031025, "Bulirsch et al.; COPS 3", "smooth", "x(T)", sign=-1.0),
     "van der Pol": KnownOptimum(van_der_pol, 3.1749818268, "JModelica, which prints 3.1761958", "smooth"),
     "Rayleigh": KnownOptimum(rayleigh, 44.804444893, "SOS", "state-constrained"),
-    "cart-pole": KnownOptimum(cart_pole, 58.807667458, "Kelly 2017", "smooth"),
+    "cart-pole": KnownOptimum(cart_pole, 57.944780346, "Kelly 2017, a lower minimum", "smooth"),
     "tumour": KnownOptimum(tumour, 7571.6700384, "GPOPS-II manual, SOS", "bang-bang", "p(T)", tolerance=1e-3),
     "free-flying robot": KnownOptimum(free_flying_robot, 7.9101470511, "SOS", "bang-bang"),
     "alp rider": KnownOptimum(alp_rider, 2030.8543285, "Betts", "state-constrained", tolerance=1e-3),

@@ -11,6 +11,7 @@ bounds leaves. J_s is the size of J; where J and L vanish the bound is absolute.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -66,5 +67,11 @@ def on_finer_mesh(solution: Solution, parts: int, options: Options) -> Solution:
     grid = Grid(np.append(nodes, 1.0))
     counts = np.broadcast_to(np.clip(point_counts(solution.scheme), *_POINTS), solution.nodes - 1)
     scheme = VariableRadauIIA(tuple(np.repeat(counts, parts).tolist()))
-    made = transcription(solution.problem, scheme, len(grid), FIXED, options)
-    return made.solve(solution, grid, solution.parameters)
+    for warm in (True, False):  # near a solution a large barrier leads away from it
+        chosen = dataclasses.replace(options, warm=warm)
+        found = transcription(solution.problem, scheme, len(grid), FIXED, chosen).solve(
+            solution, grid, solution.parameters
+        )
+        if found.solved:
+            break
+    return found

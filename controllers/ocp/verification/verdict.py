@@ -5,6 +5,7 @@ The first row of ``TABLE`` whose condition holds gives the word and what the mes
     runs away                                       UNBOUNDED
     H falls without limit in a control              STATIONARY
     a lower J was found, but not to the tolerance   STATIONARY
+    the same of a lower J elsewhere                 CONVERGED
     the replay exceeds the tolerance                CONVERGED
     E exceeds the tolerance, or is unknown          CONVERGED
     E was not asked for                             OPTIMAL, and that it was not
@@ -35,6 +36,7 @@ class Evidence:
     runs_away: str = ""  # what runs away, from an escape or a finer mesh
     control_without_minimum: str = ""  # a control in which H falls without limit
     lower_cost: float | None = None  # a lower J that an escape found and that was not solved to the tolerance
+    lower_elsewhere: float | None = None  # the same from another start
     bound: float | None = None  # E, infinite where no finer mesh was solved; None where it was not asked for
     decided: bool = True  # False where the inertia of the KKT matrix could not be had
     negative_curvature: bool = False  # along a direction from which no lower J was found
@@ -47,8 +49,16 @@ class Evidence:
 
     @property
     def lower_than_bound(self) -> bool:
-        """True if a lower J was found that no error of J explains."""
-        return self.lower_cost is not None and self.lower_cost < self.cost - max(self.allowed, self.bound or 0.0)
+        """True if a lower J was found beside the solution that no error of J explains."""
+        return self._lower(self.lower_cost)
+
+    @property
+    def lower_far_away(self) -> bool:
+        """The same of a lower J from another start."""
+        return self._lower(self.lower_elsewhere)
+
+    def _lower(self, cost: float | None) -> bool:
+        return cost is not None and cost < self.cost - max(self.allowed, self.bound or 0.0)
 
 
 @dataclass(frozen=True)
@@ -105,6 +115,14 @@ TABLE = (
         lambda e: (
             f"no minimum: a start beside this solution leads to J = {e.lower_cost:.7g} in place of "
             f"{e.cost:.7g}, which was not solved to the tolerance"
+        ),
+    ),
+    Row(
+        lambda e: e.lower_far_away,
+        SolverOutcome.CONVERGED,
+        lambda e: (
+            f"another start leads to J = {e.lower_elsewhere:.7g} in place of {e.cost:.7g}, which was not solved to the "
+            "tolerance"
         ),
     ),
     Row(lambda e: not e.accurate, SolverOutcome.CONVERGED, lambda e: ""),

@@ -1,11 +1,12 @@
 """Verification of a solution that replays within its tolerance: the word that it has earned.
 
-A replay shows that controls and states belong together, not that another control costs no more. Three more questions:
+A replay shows that controls and states belong together, not that another control costs no more. Four more questions:
 
-1. Is it a minimum of its own programme (``second_order``)? Where its curvature is negative along a direction, the
+1. Does another start lead lower (``other_starts``)? What is lower takes its place.
+2. Is it a minimum of its own programme (``second_order``)? Where its curvature is negative along a direction, the
    problem is solved from both sides (``escape``); what is lower takes its place, and what runs away is UNBOUNDED.
-2. Has the Hamiltonian a minimum in u, where nothing limits u (``weierstrass``)?
-3. Does J stay on finer meshes (``cost_bound``)? Where it does not, and the mesh is the method's own choice, the problem
+3. Has the Hamiltonian a minimum in u, where nothing limits u (``weierstrass``)?
+4. Does J stay on finer meshes (``cost_bound``)? Where it does not, and the mesh is the method's own choice, the problem
    is solved again from the finer mesh. A lower J takes the place of the solution, a dearer one never does.
 
 No answer is worse news than that one is missing: the status follows from all of them together (``verdict``).
@@ -25,6 +26,7 @@ from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.controllers.ocp.verification.cost_bound import cost_bound, cost_size
 from mathnavi.controllers.ocp.verification.escape import escaped
+from mathnavi.controllers.ocp.verification.other_starts import OtherStarts, minima
 from mathnavi.controllers.ocp.verification.second_order import SecondOrder, second_order
 from mathnavi.controllers.ocp.verification.verdict import Evidence, judge
 from mathnavi.controllers.ocp.verification.weierstrass import control_without_minimum
@@ -34,7 +36,8 @@ Again = Callable[[Solution, Options | None], Solution]
 """the method once more, from a solution, with options or with its own"""
 
 _ESCAPES, _ROUNDS = 3, 3
-_SECONDS = 10.0  # least limit [s] of CPU time of a solve
+_ITERATIONS = 150  # of an additional solve, which begins at a solution
+_SECONDS = 5.0  # least limit [s] of CPU time of a solve
 _TOLERANCE = 1e-11  # of the solver: J is compared
 _SAME = 0.5  # of the tolerance: two solutions whose J differs by less confirm each other
 
@@ -46,8 +49,11 @@ def verified(
     budget: Budget | None = None,
     *,
     bounded: bool = True,
+    others: OtherStarts | None = None,
 ) -> Solution:
-    """Find out what a solution with the status OPTIMAL may be called; any other one is returned as it is.
+    """Find out what a solution with the status OPTIMAL may be called.
+
+    Any other one is returned as it is, unless one of several other starts leads to a better one.
 
     Args:
         solution: with its replay, as a method returned it.
@@ -56,16 +62,29 @@ def verified(
         options: the solver's, as given to the method; None for its own.
         budget: CPU time of the call that this belongs to; None for the seconds of the options.
         bounded: True to bound the error of J, which takes two more solves.
+        others: other starts, None for no look elsewhere; what several of them found is in the message.
 
     Returns:
         The solution with the status and the message that the evidence carries and with its ``cost_bound``, or one of
         lower J that took its place.
     """
-    if solution.status is not SolverOutcome.OPTIMAL:
-        return dataclasses.replace(solution, solved_programme=None)
     began = time.perf_counter()
     budget = Budget(options or Options()) if budget is None else budget
-    run = _Verification(solution, again, _limited(options, solution.timing), budget)
+    limited = _limited(options, solution.timing)
+    looked = None
+    if others is not None and solution.solved and (solution.status is SolverOutcome.OPTIMAL or others.count > 1):
+        looked = minima(solution, others, cost_size(solution), limited, budget)
+    reason, words = "", "" if looked is None or others is None or others.count < 2 else str(looked)
+    timing = solution.timing
+    if looked is not None and looked.lower is not None:
+        reason = f"from another start than J = {solution.cost:.7g}"
+        solution = looked.lower
+    if solution.status is not SolverOutcome.OPTIMAL:
+        message = "; ".join(filter(None, (solution.message, words)))
+        return dataclasses.replace(solution, message=message, timing=timing, solved_programme=None)
+    run = _Verification(solution, again, limited, budget, reason)
+    if looked is not None:
+        run.know(lower_elsewhere=looked.unconfirmed)
     run.leave_saddles()
     if bounded and not run.settled:
         run.bound()
@@ -75,9 +94,9 @@ def verified(
     return dataclasses.replace(
         found,
         status=status,
-        message="; ".join(filter(None, (kept, added))),
+        message="; ".join(filter(None, (kept, added, words))),
         cost_bound=math.nan if known.bound is None else known.bound,
-        timing=solution.timing + Timing(verify_ms=1e3 * (time.perf_counter() - began)),
+        timing=timing + Timing(verify_ms=1e3 * (time.perf_counter() - began)),
         solved_programme=None,
     )
 
@@ -91,7 +110,7 @@ def _limited(options: Options | None, timing: Timing) -> Options:
     limit = _SECONDS * 2.0 ** max(0, math.ceil(math.log2(max(2e-3 * timing.total_ms, _SECONDS) / _SECONDS)))
     return Options(
         tolerance=_TOLERANCE,
-        iterations=own.iterations,
+        iterations=min(own.iterations, _ITERATIONS),
         seconds=min(own.seconds, limit),
         linear_solver=own.linear_solver,
     )
@@ -104,10 +123,10 @@ class _Verification:
     evidence: Evidence
     _direction: Array | None
 
-    def __init__(self, solution: Solution, again: Again | None, options: Options, budget: Budget) -> None:
+    def __init__(self, solution: Solution, again: Again | None, options: Options, budget: Budget, reason: str) -> None:
         self._again, self._limit, self._budget = again, options, budget
         self._linear = bool(linear_controls(solution.problem).all())
-        self._take(solution)
+        self._take(solution, reason)
 
     @property
     def settled(self) -> bool:
@@ -134,14 +153,14 @@ class _Verification:
                 found.insert(0, self._again(lower, None))
             for each in found:
                 if each.status is SolverOutcome.UNBOUNDED:
-                    self._add(runs_away=each.message)
+                    self.know(runs_away=each.message)
                     self.solution = dataclasses.replace(each, tolerance=self.solution.tolerance)
                     return
                 if each.status is SolverOutcome.OPTIMAL and each.cost < self.solution.cost - self.evidence.allowed:
                     self._take(each, f"from a stationary point with J = {self.solution.cost:.7g}")
                     break
             else:
-                self._add(lower_cost=lower.cost)
+                self.know(lower_cost=lower.cost)
                 return
 
     def bound(self) -> None:
@@ -149,10 +168,10 @@ class _Verification:
         began = time.perf_counter()
         for number in range(_ROUNDS + 1):
             if self._budget.spent:
-                self._add(bound=math.inf if self.evidence.bound is None else self.evidence.bound)
+                self.know(bound=math.inf if self.evidence.bound is None else self.evidence.bound)
                 return
             known = cost_bound(self.solution, self._options)
-            self._add(bound=known.bound)
+            self.know(bound=known.bound)
             late = time.perf_counter() - began > 2.0 * self._limit.seconds
             if known.bound <= self.evidence.allowed or self._again is None or number == _ROUNDS or late:
                 return
@@ -164,9 +183,9 @@ class _Verification:
                 lower = self.evidence.lower_cost
                 self._take(found)
                 if lower is not None and lower < found.cost - self.evidence.allowed:
-                    self._add(lower_cost=lower)
+                    self.know(lower_cost=lower)
             if gain <= _SAME * self.evidence.allowed:
-                self._add(bound=2.0 * abs(gain))
+                self.know(bound=2.0 * abs(gain))
                 return
 
     def _take(self, found: Solution, reason: str = "") -> None:
@@ -188,5 +207,6 @@ class _Verification:
             bent=not self._linear,
         )
 
-    def _add(self, **evidence: Any) -> None:
+    def know(self, **evidence: Any) -> None:
+        """Add to the evidence."""
         self.evidence = dataclasses.replace(self.evidence, **evidence)

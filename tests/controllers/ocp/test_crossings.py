@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 
 import casadi as ca
@@ -183,3 +184,22 @@ def test_where_no_node_can_be_placed_the_reason_is_said() -> None:
     found = ocp.solve()
     assert found.status is SolverOutcome.CONVERGED
     assert "which depends on a control" in found.message
+
+
+def test_the_error_of_the_cost_at_crossings_is_bounded_where_it_is_asked_for() -> None:
+    def solved(verify: bool | None) -> Solution:
+        ocp = OptimalControlProblem("two costs")
+        x, u = ocp.state("x", guess=(-1.0, 1.0)), ocp.control("u")
+        ocp.duration(2.0)
+        ocp.dynamics(x, u)
+        ocp.minimise(running=ca.if_else(x > 0.1, 3.0, 1.0) * u**2)
+        ocp.start(x, -1.0)
+        ocp.end(x, 1.0)
+        return ocp.solve(verify=verify)
+
+    bounded, quick = solved(None), solved(False)
+    assert bounded.surface_nodes
+    assert quick.cost == bounded.cost
+    assert bounded.cost_bound < 1e-5
+    assert math.isnan(quick.cost_bound)
+    assert quick.message.endswith("the error of J is not estimated")

@@ -7,11 +7,13 @@ import math
 import time
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
@@ -57,6 +59,22 @@ def test_a_limit_of_a_state_has_an_arc_of_its_own() -> None:
     assert found.status is SolverOutcome.OPTIMAL, found.message
     assert found.cost == pytest.approx(1.904682271, rel=1e-7)
     assert "3 arcs" in found.message
+
+
+def test_boundaries_that_would_leap_over_a_disc_are_left_for_a_mesh_that_stays() -> None:
+    """A unicycle round a disc: arcs whose lengths are unknowns put their points on either side of it."""
+    ocp = OptimalControlProblem("round a disc")
+    x, y = ocp.state("x", guess=(-4.0, 0.0)), ocp.state("y", guess=(0.3, 0.0))
+    theta = ocp.state("theta")
+    v, w = ocp.control("v", lower=-1.0, upper=1.0), ocp.control("w", lower=-1.5, upper=1.5)
+    ocp.duration(3.0)
+    ocp.minimise(running=x**2 + y**2 + 0.1 * theta**2 + 0.05 * (v**2 + w**2), terminal=20 * (x**2 + y**2) + theta**2)
+    ocp.dynamics(ca.vertcat(x, y, theta), ca.vertcat(v * ca.cos(theta), v * ca.sin(theta), w))
+    ocp.constrain((x + 2.0) ** 2 + y**2 >= 0.36)
+    ocp.start(ca.vertcat(x, y, theta), [-4.0, 0.3, 0.0])
+    solution = hp(ocp.functions())
+    assert solution.status is SolverOutcome.OPTIMAL
+    assert solution.cost == pytest.approx(46.959005, rel=1e-6)
 
 
 def test_too_few_nodes_are_not_called_optimal() -> None:

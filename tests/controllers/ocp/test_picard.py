@@ -24,7 +24,7 @@ def solved(name: str, nodes: int = 13) -> Solution:
 
 @pytest.mark.parametrize("by_intervals", [False, True])
 def test_it_ends_where_an_integrator_does(by_intervals: bool) -> None:
-    solution = solved("cart-pole", 25)
+    solution = solved("cart-pole", 33)
     found = flight(solution, ENDS, 1e-10, by_intervals=by_intervals)
     assert found is not None
     problem, x, costs = solution.problem, solution.x[0], []
@@ -44,5 +44,5 @@ def test_it_ends_where_an_integrator_does(by_intervals: bool) -> None:
 
 
 def test_a_control_that_reaches_a_bound_inside_an_interval_is_left_to_an_integrator() -> None:
-    solution = solved("cart-pole", 25)
+    solution = solved("cart-pole", 33)
     assert flight(dataclasses.replace(solution, u=3.0 * solution.u), ENDS, 1e-10, by_intervals=True) is None

@@ -33,6 +33,8 @@ GOOD = Evidence(cost=2.0, size=2.0, tolerance=1e-6, bound=4e-8)
         ({"lower_cost": 1.5}, SolverOutcome.STATIONARY, "no minimum: a start beside this solution leads to J = 1.5"),
         ({"lower_cost": 1.5, "bound": 0.6}, SolverOutcome.CONVERGED, "J may be 0.6 too large"),
         ({"lower_cost": 1.5, "bound": None}, SolverOutcome.STATIONARY, "no minimum"),
+        ({"lower_elsewhere": 1.5}, SolverOutcome.CONVERGED, "another start leads to J = 1.5 in place of 2"),
+        ({"lower_elsewhere": 1.9999999}, SolverOutcome.OPTIMAL, "J within 4e-08"),
         ({"control_without_minimum": "u"}, SolverOutcome.STATIONARY, "the Hamiltonian falls without limit in u"),
         ({"runs_away": "u runs to 1e+20"}, SolverOutcome.UNBOUNDED, "u runs to 1e+20 (from a stationary point"),
         ({"runs_away": "u", "lower_cost": 1.0, "accurate": False}, SolverOutcome.UNBOUNDED, "u"),

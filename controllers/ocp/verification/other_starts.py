@@ -1,0 +1,126 @@
+"""Other starts: whether a lower minimum than the one that was found lies elsewhere.
+
+The problem is solved from other guesses (see ``feasibility.starts``), first that of its own guessed controls,
+simulated, on a coarse uniform mesh: 21 nodes with three points each. A coarse mesh has an error of J of its own, so
+what counts is J of the solution that is known, solved on that mesh too. Where J from another start is lower there,
+
+    J_c < J_c(known) - 1e-3 J_s,
+
+the problem is solved from it by the method itself, the lowest first, and what this confirms takes the place of the
+known one. A minimum that no start came to may be lower still.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.feasibility.starts import starts
+from mathnavi.controllers.ocp.grid import on_breaks, uniform
+from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
+
+_SEED = 0
+_NODES, _POINTS = 21, 3
+_ITERATIONS, _SECONDS = 100, 5.0  # of a start
+_TOLERANCE = 1e-8  # of the solver there
+_LOWER = 1e-3  # of J_s: difference of J on the coarse mesh that counts
+_DIVERGING = 4  # starts that are tried for one whose simulation does not diverge
+
+
+@dataclass(frozen=True)
+class OtherStarts:
+    """Starts besides the one of a solution: how many, the guess that they vary, and the method itself."""
+
+    count: int
+    guess: GuessedTrajectory
+    method: Callable[[Solution], Solution]  # solves the problem from a solution on another mesh, and replays it
+
+
+@dataclass(frozen=True)
+class Minima:
+    """What was found: J on the coarse mesh of each minimum, the lowest first, and how many starts came to it."""
+
+    lower: Solution | None  # a lower minimum, by the method itself
+    unconfirmed: float | None  # a lower J that the method could not solve to the tolerance
+    costs: tuple[float, ...]
+    starts: tuple[int, ...]
+    failed: int  # starts that led to none
+
+    def __str__(self) -> str:
+        """The minima in words."""
+        found = ", ".join(
+            f"J about {cost:.4g} from {count}" for cost, count in zip(self.costs, self.starts, strict=True)
+        )
+        none = f", none from {self.failed}" if self.failed else ""
+        total = sum(self.starts) + self.failed
+        return f"minima from {total} starts, on a coarse mesh: {found}{none}"
+
+
+def minima(solution: Solution, others: OtherStarts, size: float, options: Options, budget: Budget) -> Minima:
+    """Solve the problem of a solution from other starts.
+
+    Args:
+        solution: the minimum that is known, with its replay.
+        others: the starts.
+        size: J_s, in units of J.
+        options: the solver's.
+        budget: CPU time of the call that this belongs to.
+    """
+    problem, p = solution.problem, solution.parameters
+    grid = on_breaks(uniform(_NODES), problem.breaks)
+    coarse = dataclasses.replace(
+        options, tolerance=_TOLERANCE, backend="ipopt", warm=False, log=None,
+        seconds=min(budget.left(options).seconds, _SECONDS), iterations=min(options.iterations, _ITERATIONS),
+    )  # fmt: skip
+    made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
+    known = made.solve(solution, grid, p, explained=False)
+    if not known.solved:  # on this mesh: nothing to compare with
+        return Minima(None, None, (), (), others.count)
+    found, failed = [known], 0
+    for start in islice(_guesses(solution, others), others.count):
+        if budget.spent:
+            break
+        other = made.solve(start, grid, p, explained=False)
+        found += [other] if other.solved else []
+        failed += int(not other.solved)
+    groups = _groups(found, _LOWER * size)
+    lower = [group[0] for group in groups if group[0].cost < known.cost - _LOWER * size]
+    chosen, unconfirmed = None, None
+    for each in lower:
+        if budget.spent:
+            break
+        better = others.method(each)
+        if better.ok and better.cost < solution.cost - solution.tolerance * size:
+            chosen = better
+            break
+        if unconfirmed is None and better.solved and better.replay is not None:
+            gain = solution.cost - max(better.cost, better.replay.cost)
+            unconfirmed = better.cost if gain > 10.0 * size * better.replay.error else None
+    costs, counts = tuple(group[0].cost for group in groups), tuple(len(group) for group in groups)
+    return Minima(chosen, None if chosen is not None else unconfirmed, costs, counts, failed)
+
+
+def _guesses(solution: Solution, others: OtherStarts) -> Iterator[GuessedTrajectory]:
+    """Guesses of the other starts; more than their number, for the simulation of the first may diverge."""
+    many, rng = others.count + _DIVERGING, np.random.default_rng(_SEED)
+    for _, guess in starts(solution.problem, others.guess, solution.parameters, many, rng):
+        yield guess
+
+
+def _groups(found: list[Solution], apart: float) -> list[list[Solution]]:
+    """Solutions of the same J, the lowest first."""
+    groups: list[list[Solution]] = []
+    for each in sorted(found, key=lambda solution: solution.cost):
+        if groups and each.cost - groups[-1][0].cost <= apart:
+            groups[-1].append(each)
+        else:
+            groups.append([each])
+    return groups

@@ -1,0 +1,68 @@
+"""Other starts: a lower minimum elsewhere takes the place of the one that the guess leads to."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mathnavi.controllers.ocp.methods.by_name import solve_by
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.interfaces.errors import ProblemError
+
+
+def two_wells(ocp: OptimalControlProblem) -> OptimalControlProblem:
+    """The nearer well, at x = 1, ends higher than the one at x = -2; the guess leads to the nearer one."""
+    x, u = ocp.state("x", lower=-3.0, upper=3.0, guess=(0.4, 1.0)), ocp.control("u", lower=-4.0, upper=4.0, guess=0.6)
+    ocp.duration(1.0)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.4)
+    ocp.minimise(running=0.01 * u**2, terminal=(x - 1.0) ** 2 * (x + 2.0) ** 2 + 0.3 * x)
+    return ocp
+
+
+def test_several_starts_find_the_lower_of_two_minima_and_say_what_they_found() -> None:
+    nearer = two_wells(OptimalControlProblem("two wells")).solve(starts=1)
+    found = two_wells(OptimalControlProblem("two wells")).solve(starts=6)
+    assert nearer.status is found.status is SolverOutcome.OPTIMAL
+    assert nearer["x"][-1] == pytest.approx(1.0, abs=0.1)
+    assert found["x"][-1] == pytest.approx(-2.0, abs=0.1)
+    assert found.cost < nearer.cost - 0.5
+    assert f"from another start than J = {nearer.cost:.7g}" in found.message
+    assert f"minima from 6 starts, on a coarse mesh: J about {found.cost:.4g} from" in found.message
+    assert two_wells(OptimalControlProblem("two wells")).solve(starts=6).cost == found.cost
+
+
+@pytest.mark.parametrize("nodes", [None, 15])
+def test_phases_and_given_nodes_have_other_starts_too(nodes: int | None) -> None:
+    problem = MultiPhaseProblem("two wells")
+    two_wells(problem.phase("only"))
+    assert problem.solve(nodes, starts=6)["only"]["x"][-1] == pytest.approx(-2.0, abs=0.1)
+
+
+def test_the_straight_guess_of_the_literature_leads_to_a_swing_that_is_not_the_lowest() -> None:
+    """The cart-pole of Kelly begins towards the target, for 58.80767; the other way costs 1.5 % less."""
+    problem = PROBLEMS["cart-pole"].problem()
+    straight = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, np.pi, 0.0, 0.0]])
+    problem = dataclasses.replace(problem, guess_states=straight)
+    nearer, found = (
+        solve_by(problem, None, "auto", None, guess=None, parameters=problem.nominal, starts=starts)
+        for starts in (1, None)
+    )
+    assert nearer.cost == pytest.approx(58.80767, rel=1e-6)
+    assert found.status is SolverOutcome.OPTIMAL
+    assert found.cost == pytest.approx(57.94478, rel=1e-6)
+    assert "from another start than J = 58.80767" in found.message
+
+
+@pytest.mark.parametrize("starts", [0, True, 2.0, "3"])
+def test_a_number_of_starts_that_is_none_is_refused(starts: Any) -> None:
+    with pytest.raises(ProblemError, match=r"starts = .*; allowed: a whole number >= 1"):
+        two_wells(OptimalControlProblem("two wells")).solve(starts=starts)
+    with pytest.raises(ProblemError, match=r"starts = 2 with replay = False"):
+        two_wells(OptimalControlProblem("two wells")).solve(9, replay=False, starts=2)

@@ -63,7 +63,7 @@ class MultiPhaseSolution:
     def __getitem__(self, phase: str) -> Solution:
         """The solution of one phase by its name; KeyError names those that exist."""
         if phase not in self.phases:
-            raise KeyError(f"{phase!r} is no phase; {allowed_for(phase, tuple(self.phases))}")
+            raise KeyError(f"{phase!r} is no phase; {allowed_for(str(phase), tuple(self.phases))}")
         return self.phases[phase]
 
     def __repr__(self) -> str:
@@ -109,6 +109,7 @@ def phase_solution(stacked: Solution, name: str, phase: Statement, elapsed: floa
         sensitivities=NamedValues(problem.parameters, stacked.sensitivities.values[parameters]),
         replay=None,
         cost_bound=math.nan,
+        linked=True,
     )
     cost = _running_cost(view) + float(problem.terminal_cost(x[-1], duration, view.parameters))
     if problem.instants is not None:

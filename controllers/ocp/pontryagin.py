@@ -24,6 +24,7 @@ its left.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,6 +35,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.clocks import clocks_of
 from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.multipliers import NamedValues
 from mathnavi.controllers.ocp.pontryagin_terms import (
@@ -194,6 +196,8 @@ class _Judge:
         near = _TOUCHING * self.u_scale
         self.at_lower = solution.u - problem.control_bounds.lower <= near
         self.at_upper = problem.control_bounds.upper - solution.u <= near
+        rates = [clock.rate for clock in clocks_of(problem)]  # what they are is no matter of the problem
+        self.at_lower[:, :, rates], self.at_upper[:, :, rates] = True, True
         self.linear = controls_linear_in_hamiltonian(problem)
 
     def _arguments(self, u: Array) -> tuple[Array, ...]:
@@ -331,7 +335,10 @@ class _Judge:
         problem, (lower, upper) = self.problem, self.problem.control_bounds
         coupled = problem.path.jac_sparsity(0, 1).nnz() > 0
         gains = [0.0]
+        rates = [clock.rate for clock in clocks_of(problem)]
         for j, name in enumerate(problem.controls):
+            if j in rates:
+                continue
             if coupled:
                 yield OptimalityCondition(
                     f"minimum over {name}", ConditionVerdict.NOT_JUDGED, reason="a path constraint limits the controls"
@@ -441,6 +448,10 @@ class _Judge:
         return float(widths @ np.abs(drift)) / self.H_size
 
     def _ends(self) -> Iterator[OptimalityCondition]:
+        if self.solution.linked:
+            why = "they are linked with those of other phases: judge the solution of all phases, stacked"
+            yield from (_not_judged(name, why) for name in ("start", "end"))
+            return
         s, problem, p, m = self.solution, self.problem, self.solution.parameters, self.solution.multipliers
         first, second = self._forces()
         size = self._costate_size
@@ -470,8 +481,11 @@ class _Judge:
         initial = np.array(problem.initial(s.x[0], s.parameters).full())[:, 0]
         final = np.array(problem.final(s.x[-1], s.duration, s.parameters).full())[:, 0]
         of_ends = max(float((self._costate_size * problem.state_scale).max(initial=0.0)), _SMALL)
+        of_states = m.states.values.copy()
+        of_states[:, :, [clock.state for clock in clocks_of(problem)]] = 0.0  # its end is one of the programme's bounds
+        states = dataclasses.replace(m.states, values=of_states)
         worst = [
-            _wrong_signs(m.states, s.inner, problem.state_bounds, problem.state_scale, self.H_size),
+            _wrong_signs(states, s.inner, problem.state_bounds, problem.state_scale, self.H_size),
             _wrong_signs(m.path, self._path, problem.path_bounds, _sizes(self._path, problem.path_bounds), self.H_size),
             _wrong_signs(m.initial, initial, problem.initial_bounds, _sizes(initial, problem.initial_bounds), of_ends),
             _wrong_signs(m.final, final, problem.final_bounds, _sizes(final, problem.final_bounds), of_ends),

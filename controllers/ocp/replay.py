@@ -277,15 +277,16 @@ def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | N
     t_0, t_1 = solution.t[i], solution.t[i + 1]
     points = own_points(solution.scheme, i)
     rates = _Rates(problem, solution.u[i, : len(points)], points, t_0, t_1 - t_0, solution.parameters)
-    found = solve_ivp(
-        rates,
-        (0.0, 1.0),
-        np.append(y, 0.0),
-        method="DOP853",
-        t_eval=np.linspace(0.0, 1.0, DENSE + 1),
-        rtol=_TOLERANCE,
-        atol=_TOLERANCE,
-    )
+    with np.errstate(all="ignore"):
+        found = solve_ivp(
+            rates,
+            (0.0, 1.0),
+            np.append(y, 0.0),
+            method="DOP853",
+            t_eval=np.linspace(0.0, 1.0, DENSE + 1),
+            rtol=_TOLERANCE,
+            atol=_TOLERANCE,
+        )
     if not found.success or not np.isfinite(found.y).all():
         return None
     return found.y[:-1].T, float(found.y[-1, -1])

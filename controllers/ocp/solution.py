@@ -167,6 +167,7 @@ class Solution:
     interval_errors: Array | None = None  # (N - 1,) largest defect of each interval, over the states' scales
     tolerance: float = math.nan  # of miss, path violation and cost error of the replay, that the status was judged by
     surface_nodes: tuple[int, ...] = ()  # nodes that the programme holds on a surface where the problem is not smooth
+    linked: bool = False  # a phase of several, whose ends are conditions of them all
     not_smooth: tuple[str, ...] = ()  # jumps and kinks that the trajectory crosses inside an interval, in words
     cost_bound: float = math.nan  # E: J is at most this far from the least value nearby; NaN where it is not estimated
     solved_programme: SolvedProgramme | None = field(

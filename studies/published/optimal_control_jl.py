@@ -120,8 +120,8 @@ PUBLISHED: dict[str, PublishedOptimum] = {
         "0.96181",
         f"{PAGES}/moonlander.html",
         vehicles.moonlander,
-        0.96179825955,
-        "Radau IIA and Gauss-Legendre of 5 points on 8 arcs, and 150 uniform intervals",
+        0.961797546,
+        "Radau and Gauss-Legendre, 30 x 6, controls of degree 0, moving",
         quantity="T",
     ),
     "OptimalControl.jl: mountain car": PublishedOptimum(

@@ -213,6 +213,11 @@ def _elements(r: ca.SX, v: ca.SX) -> list[ca.SX]:
 
 STATEMENTS: dict[str, Statement] = {"glider": glider, "goddard": goddard, "lambert": lambert, "launch": launch}
 
-INDEPENDENT: dict[str, tuple[float, str]] = {}
+INDEPENDENT: dict[str, tuple[float, str]] = {
+    "glider": (-1247.87267, "Radau and Gauss-Legendre, 100 x 6, 150 x 7 and 200 x 6: these agree to 3e-9"),
+    "goddard": (-1.02534106, "Radau and Gauss-Legendre, 60 x 4, controls of degree 0, moving"),
+    "lambert": (0.0, "closed form: there is no cost"),
+    "launch": (-7529.6612516, "Radau and Gauss-Legendre, 15 x 5 and 24 x 5"),
+}
 
 DETAILS: dict[str, Details] = {}

@@ -352,6 +352,7 @@ INDEPENDENT: dict[str, tuple[float, str]] = {
     "dqc": (6.0, "closed form: u = 6 - 12 t"),
     "geodesic": (5549.68185237, "Radau, 40 x 4, and Gauss-Legendre, 60 x 3 and 120 x 4"),
     "hypersensitive": (1.330806904943, "closed form of long durations: two quadratures"),
+    "isoperimetric": (-0.3755038114, "Radau and Gauss-Legendre, 240 x 6 and 400 x 5"),
     "interior_point": (0.920531441473, "closed form: ((a^2 + b^2) cosh T - 2 a b) / sinh T of either phase"),
 }
 

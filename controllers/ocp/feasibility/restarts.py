@@ -1,9 +1,9 @@
 """Restarts of a solve that found no feasible point, and what may be said where none finds one.
 
 An interior-point method ends where no direction makes the violation smaller: a stationary point of the constraints,
-and no proof. So before a problem is said to have no feasible point, it is solved from other guesses (see ``starts``) on
-a coarse grid. The first that is solved is the guess with which the method goes on. The draws come from a generator of a
-fixed seed: the same problem has the same restarts.
+and no proof; and it does not begin where a guess is not finite. So before a problem is said to have no feasible point,
+it is solved from other guesses (see ``starts``) on a coarse grid. The first that is solved is the guess with which the
+method goes on. The draws come from a generator of a fixed seed: the same problem has the same restarts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ _SEED = 0
 _NODES, _POINTS = 21, 3
 _ITERATIONS, _SECONDS = 300, 5.0  # of a restart
 _VIOLATED = 1e-4  # scaled, from which on a last iterate is not feasible
-_RESTARTED = (SolverOutcome.NO_FEASIBLE_POINT, SolverOutcome.LIMIT, SolverOutcome.FAILED)
+_RESTARTED = (
+    SolverOutcome.NO_FEASIBLE_POINT, SolverOutcome.LIMIT, SolverOutcome.FAILED, SolverOutcome.NOT_FINITE
+)  # fmt: skip
 
 
 def with_restarts(
@@ -63,10 +65,11 @@ def with_restarts(
     stopped = failed.status is SolverOutcome.LIMIT and options.iterations < _ITERATIONS  # as the caller wanted
     if failed.status not in _RESTARTED or stopped:
         return failed
-    if failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not failed.iterations:  # the solver did not begin
-        return failed
-    feasible = failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not _violated(failed)
-    own = problem.guess if guess is None else _sampled(guess)
+    not_finite = failed.status is SolverOutcome.NOT_FINITE  # at the guess it may be, and at no solution: |w| w at rest
+    if failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not (failed.iterations or not_finite):
+        return failed  # the solver did not begin
+    feasible = not_finite or (failed.status is not SolverOutcome.NO_FEASIBLE_POINT and not _violated(failed))
+    own = problem.guess if guess is None else sampled(guess)
     words = failed.message if failed.status is SolverOutcome.NO_FEASIBLE_POINT else ""
     tried, timing, grid = 0, failed.timing, on_breaks(uniform(_NODES), problem.breaks)
     for what, start in starts(problem, own, parameters, options.restarts, np.random.default_rng(_SEED)):
@@ -87,6 +90,8 @@ def with_restarts(
                 solved = replayed(found, tolerance)
                 if given_mesh and solved.status is not SolverOutcome.NOT_FINITE:
                     return dataclasses.replace(failed, timing=timing + solved.timing)
+            if not_finite and solved.status is SolverOutcome.NOT_FINITE:  # wherever it starts
+                return dataclasses.replace(failed, timing=timing + solved.timing)
             message = f"from restart {tried} ({what}): {solved.message}"
             return dataclasses.replace(solved, message=message, timing=timing + solved.timing)
         if found.status is SolverOutcome.NO_FEASIBLE_POINT:
@@ -100,7 +105,7 @@ def with_restarts(
     return dataclasses.replace(failed, status=SolverOutcome.NO_FEASIBLE_POINT, message=message)
 
 
-def _sampled(guess: Solution) -> GuessedTrajectory:
+def sampled(guess: Solution) -> GuessedTrajectory:
     """A solution that is a guess, at its nodes."""
     return GuessedTrajectory(guess.grid.nodes, guess.x, guess.control(guess.t), guess.duration)
 

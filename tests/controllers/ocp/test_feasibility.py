@@ -18,7 +18,7 @@ from mathnavi.controllers.ocp.feasibility.starts import starts
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import Interval
-from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from tests.controllers.ocp.feasibility_cases import (
     cubic,
     dubins,
@@ -234,3 +234,24 @@ def test_no_multipliers_prove_that_a_feasible_problem_is_infeasible(seed: int) -
             for own in (getattr(many, name),)
         }
         assert not affinely_infeasible(dataclasses.replace(found, multipliers=dataclasses.replace(many, **drawn)), 0.0)
+
+
+def from_rest(size: int, drag: Callable[[ca.SX], ca.SX]) -> Solution:
+    ocp = OptimalControlProblem("from rest")
+    x, w, u = ocp.state("x"), ocp.state("w", size), ocp.control("u", size, lower=-2.0, upper=2.0)
+    ocp.duration(1.0)
+    ocp.dynamics(x, w[0])
+    ocp.dynamics(w, u - drag(w))
+    ocp.minimise(running=ca.sumsqr(u))
+    ocp.start(x, 0.0)
+    ocp.start(w, 0.0)
+    ocp.end(x, 0.5)
+    return ocp.solve()
+
+
+def test_a_guess_that_is_not_finite_is_left_for_one_that_is() -> None:
+    """Drag |w| w has a derivative at rest, 0, but as an expression 0 / 0; along a line it is w^2."""
+    found, known = from_rest(2, lambda w: ca.norm_2(w) * w), from_rest(1, lambda w: w**2)
+    assert found.status is known.status is SolverOutcome.OPTIMAL
+    assert found.message.startswith("from restart ")
+    assert found.cost == pytest.approx(known.cost, rel=1e-6)

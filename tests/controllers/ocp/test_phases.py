@@ -62,6 +62,8 @@ def test_the_optimum_does_not_depend_on_where_the_phases_are_cut() -> None:
     np.testing.assert_allclose(x, 3 * t**2 - 2 * t**3, atol=1e-6)
     assert found.start_times == {"a": 0.0, "b": pytest.approx(0.3)}
     assert found["a"].cost + found["b"].cost == pytest.approx(6.0)
+    with pytest.raises(KeyError, match="0 is no phase"):
+        found[0]  # type: ignore[index]
     for phase in ("a", "b"):
         assert found[phase].replay is not None
         assert found[phase].replay.miss < 1e-8  # type: ignore[union-attr]

@@ -12,6 +12,7 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.pontryagin import ConditionVerdict, PontryaginCheck, check_pontryagin
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.articles import double_integrator_time
@@ -175,3 +176,24 @@ def test_what_has_no_conditions_is_refused(swing: Solution) -> None:
         check_pontryagin(failed)
     with pytest.raises(KeyError, match="allowed: dynamics, adjoint"):
         check_pontryagin(swing)["costates"]
+
+
+def test_the_ends_of_a_phase_are_judged_with_all_phases_and_its_clock_is_no_control() -> None:
+    """Two phases at a speed of at most 1, whose boundary is free: each has a clock."""
+    problem = MultiPhaseProblem("there and back")
+    there, back = problem.phase("there"), problem.phase("back")
+    for phase in (there, back):
+        x, u = phase.state("x"), phase.control("u", lower=-1.0, upper=1.0)
+        phase.dynamics(x, u)
+        phase.minimise(terminal=phase.free_duration(guess=1.0))
+        phase.end(x, 2.0 if phase is there else 0.0)
+        if phase is there:
+            phase.start(x, 0.0)
+    problem.link(there, back)
+    found = problem.solve()
+    assert found.cost == pytest.approx(4.0, rel=1e-6)
+    assert check_pontryagin(found.stacked).holds
+    for phase in found.phases.values():
+        check = check_pontryagin(phase)
+        assert check.holds
+        assert [each.name for each in check.not_judged] == ["start", "end"]

@@ -37,7 +37,7 @@ _DIVERGING = 4  # starts that are tried for one whose simulation does not diverg
 
 @dataclass(frozen=True)
 class OtherStarts:
-    """Starts besides the one of a solution: how many, the guess that they vary, and the method itself."""
+    """Starts in addition to the one of a solution: how many, the guess that they vary, and the method itself."""
 
     count: int
     guess: GuessedTrajectory

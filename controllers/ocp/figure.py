@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from mathnavi.controllers.ocp.multipliers import NamedValues
-from mathnavi.controllers.ocp.pontryagin import PontryaginCheck
+from mathnavi.controllers.ocp.optimality_conditions import PontryaginCheck
 from mathnavi.controllers.ocp.problem_functions import Interval
 from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.interfaces.errors import FieldError

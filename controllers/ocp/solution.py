@@ -34,7 +34,7 @@ from mathnavi.models.nlp_solver import SolverOutcome as SolverOutcome
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mathnavi.controllers.ocp.pontryagin import PontryaginCheck
+    from mathnavi.controllers.ocp.optimality_conditions import PontryaginCheck
 
 FORMAT = "mathnavi solution 1"
 """format that the file of a solution names"""

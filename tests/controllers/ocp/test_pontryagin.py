@@ -12,8 +12,9 @@ import pytest
 
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.multipliers import NamedValues
+from mathnavi.controllers.ocp.optimality_conditions import ConditionVerdict, PontryaginCheck
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
-from mathnavi.controllers.ocp.pontryagin import ConditionVerdict, PontryaginCheck, check_pontryagin
+from mathnavi.controllers.ocp.pontryagin import check_pontryagin
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.articles import double_integrator_time
 from mathnavi.controllers.ocp.problems.bryson_ho import bryson_denham

@@ -10,7 +10,7 @@ import pytest
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.methods.adaptation import solve
-from mathnavi.controllers.ocp.methods.hp import unwound
+from mathnavi.controllers.ocp.methods.angles import unwound
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy, double_integrator_time
 from mathnavi.controllers.ocp.problems.betts import free_flying_robot, rayleigh

@@ -10,8 +10,8 @@ import pytest
 
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import uniform
-from mathnavi.controllers.ocp.methods.hp import suboptimality
 from mathnavi.controllers.ocp.methods.hp_mesh import interval_errors
+from mathnavi.controllers.ocp.methods.suboptimality import suboptimality
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import transcription

@@ -283,7 +283,7 @@ class _Rates:
         return reach
 
     def by_others(self, scales: Array) -> Array:
-        """How far (nx,) the rates carry a state once the others have moved by their scales (nx,); 0 of one unknown."""
+        """Distance (nx,) that the rates carry a state once the others move by their scales (nx,); 0 if unknown."""
         _, times, A = self._at(self._u)
         with np.errstate(invalid="ignore"):
             return _medians(np.einsum("ijk,j->ik", np.abs(A), scales) * times)

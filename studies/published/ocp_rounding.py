@@ -5,7 +5,8 @@ guess perturbed by 1e-12 of the scale of each variable, several draws; and under
 round as other processors do. Each solve has a process of its own (``solving``).
 
 A problem is settled if all of them end with the same status and, where that status has a solution, in the same J: the
-spread of J, largest minus least, is within 1e-6 of its distance from the origin, 1e-5 with a singular arc.
+spread of J, largest minus least, is within 1e-6 of its distance from the origin, 1e-5 with a singular arc. A problem
+that is not solved within the limit of CPU time as it is stated is not settled, and is not solved again.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from mathnavi.studies.framework.drawing import BAD, GOOD
 from mathnavi.studies.framework.study import Row, Setup, StudyResult
 from mathnavi.studies.published.charts import Line, Mark, Panel, chart
 from mathnavi.studies.published.library import COLLECTION, DISTINCT, EVERY, OF_THE_COLLECTION, known_cost, precision
-from mathnavi.studies.published.solving import AS_IT_IS, PERTURBATION, SETTINGS, Attempt, attempted
+from mathnavi.studies.published.solving import AS_IT_IS, PERTURBATION, SETTINGS, TIMED_OUT, Attempt, attempted
 
 STATED = tuple(name for name in dict.fromkeys((*OF_THE_COLLECTION, *DISTINCT)) if EVERY[name].statement is not None)
 """names of the entries that state a problem, those of the collection first"""
@@ -60,9 +61,10 @@ class OcpRounding:
     def run(config: OcpRoundingConfig, setup: Setup) -> StudyResult:
         names = STATED[: config.problems]
         settings = list(SETTINGS)[: config.settings]
-        attempts = {name: _attempts(name, config.draws, settings) for name in names}
-        found = iter(setup.compute(attempted, [each for own in attempts.values() for each in own]))
-        rows = [row(name, {each: next(found) for each in own}) for name, own in attempts.items()]
+        found = _made(setup, [Attempt(name) for name in names])
+        others = {each.problem: _others(each.problem, config.draws, settings) for each in found if _ended(found[each])}
+        found |= _made(setup, [each for own in others.values() for each in own])
+        rows = [row(name, {each: found[each] for each in (Attempt(name), *others.get(name, ()))}) for name in names]
         return StudyResult(
             summary=(
                 f"{len(rows)} problems by solve() without an argument, each {1 + config.draws + len(settings) - 1} "
@@ -78,11 +80,20 @@ class OcpRounding:
         )
 
 
-def _attempts(name: str, draws: int, settings: Sequence[str]) -> list[Attempt]:
-    """Return the attempts of a problem, that which is as stated first."""
-    own = Attempt(name)
-    others = [Attempt(name, setting=setting) for setting in settings if setting != AS_IT_IS]
-    return [own, *(Attempt(name, draw) for draw in range(draws)), *others]
+def _made(setup: Setup, attempts: Sequence[Attempt]) -> dict[Attempt, dict[str, Any]]:
+    """Return the figures of attempts."""
+    return dict(zip(attempts, setup.compute(attempted, attempts), strict=True))
+
+
+def _ended(figures: Mapping[str, Any]) -> bool:
+    """Return whether an attempt ended by itself."""
+    return figures["status"] != TIMED_OUT
+
+
+def _others(name: str, draws: int, settings: Sequence[str]) -> list[Attempt]:
+    """Return the attempts of a problem after that which is as stated."""
+    rounded = [Attempt(name, setting=setting) for setting in settings if setting != AS_IT_IS]
+    return [*(Attempt(name, draw) for draw in range(draws)), *rounded]
 
 
 def row(name: str, found: Mapping[Attempt, Mapping[str, Any]]) -> dict[str, Any]:
@@ -101,7 +112,7 @@ def row(name: str, found: Mapping[Attempt, Mapping[str, Any]]) -> dict[str, Any]
         "statuses": " ".join(dict.fromkeys(statuses)),
         "spread": spread,
         "tolerance": precision(name),
-        "settled": one and (not any(known) or spread <= precision(name)),
+        "settled": one and all(map(_ended, found.values())) and (not any(known) or spread <= precision(name)),
         "one_status": one,
         "value": values[0],
         **{f"status, {_word(each)}": figures["status"] for each, figures in found.items()},

@@ -248,6 +248,7 @@ def test_a_problem_is_settled_by_one_status_and_one_cost() -> None:
     mixed = row(("optimal", 6.0), ("converged", 6.0))
     assert (mixed["settled"], mixed["statuses"]) == (False, "optimal converged")
     assert row(("infeasible", 1.0), ("infeasible", 7.0))["settled"]
+    assert not row((solving.TIMED_OUT, math.nan))["settled"]
     claim = ocp_rounding.claim([apart, mixed], ocp_rounding.OcpRoundingConfig())
     assert claim.holds is False
     assert claim.measured == f"0 of 2; not {NAME} (2e-05), {NAME} (optimal, converged)"

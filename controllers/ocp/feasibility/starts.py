@@ -15,7 +15,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.clocks import clocks_of
 from mathnavi.controllers.ocp.feasibility.enclosure import pinned
-from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, ProblemFunctions
+from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, Interval, ProblemFunctions
 from mathnavi.interfaces.signals import Array
 
 _TIMES = 31  # of a guess
@@ -31,8 +31,9 @@ def starts(
     """Name and guess of at most ``count`` restarts.
 
     First the controls of the own guess, simulated; then by turns controls that are constant, that wander, those of the
-    own guess with noise, and that are bent once. A free final time is half to four times the guessed one. What diverges
-    is left out.
+    own guess with noise, and that are bent once. A free final time is half to four times the guessed one. So is what is
+    free at the start and positive by its bounds (a duration of a phase, a mass); what else is free there, constants
+    that are unknown included, is drawn around its guess. What diverges is left out.
     """
     tau = np.linspace(0.0, 1.0, _TIMES)
     states, controls = own.states_at(tau), own.controls_at(tau)
@@ -46,9 +47,9 @@ def starts(
     if not count:
         return
     box = pinned(problem, p, "start")
-    start = np.clip(states[0], box.lower, box.upper)
+    guessed = np.clip(states[0], box.lower, box.upper)
 
-    def simulation(u: Array, duration: float) -> GuessedTrajectory | None:
+    def simulation(u: Array, duration: float, start: Array) -> GuessedTrajectory | None:
         x = _simulated(problem, start, tau * duration, u, p)
         return None if x is None else GuessedTrajectory(tau, np.clip(x, *problem.state_bounds), u, duration)
 
@@ -58,7 +59,7 @@ def starts(
         values: Array = lower + np.array(columns).T.reshape(len(tau), problem.nu) * (upper - lower)
         return values
 
-    if (found := simulation(np.clip(controls, lower, upper), own.duration)) is not None:
+    if (found := simulation(np.clip(controls, lower, upper), own.duration, guessed)) is not None:
         yield "its controls, simulated", found
     for k in range(count - 1):
         factor, duration = 2.0 ** int(rng.integers(-1, 3)), own.duration
@@ -70,8 +71,20 @@ def starts(
             u = controls + _NOISE * rng.normal(size=controls.shape) * 0.5 * (upper - lower)
             x, u = np.clip(x, *problem.state_bounds), np.clip(u, lower, upper)
             yield kind, GuessedTrajectory(tau, x, u, duration)
-        elif (found := simulation(knots({"c": 1, "w": 5, "b": 3}[kind[0]]), duration)) is not None:
+            continue
+        u = knots({"c": 1, "w": 5, "b": 3}[kind[0]])
+        if (found := simulation(u, duration, _drawn(guessed, box, problem.state_scale, rng))) is not None:
             yield kind, found
+
+
+def _drawn(guessed: Array, box: Interval, scale: Array, rng: np.random.Generator) -> Array:
+    """States (nx,) at the start, drawn around those of a guess where the box of what is allowed leaves them free."""
+    positive = (box.lower >= 0.0) & (guessed > 0.0)
+    factors, steps = 2.0 ** rng.uniform(-1.0, 2.0, len(guessed)), rng.normal(size=len(guessed))
+    width = np.where(np.isfinite(box.upper - box.lower), 0.5 * (box.upper - box.lower), np.inf)
+    reach = np.minimum(np.maximum(scale, np.abs(guessed)), width)
+    drawn: Array = np.clip(np.where(positive, factors * guessed, guessed + reach * steps), box.lower, box.upper)
+    return drawn
 
 
 def _simulated(problem: ProblemFunctions, start: Array, times: Array, controls: Array, p: Array) -> Array | None:

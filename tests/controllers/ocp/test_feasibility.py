@@ -130,6 +130,26 @@ def test_restarts_are_the_same_each_time() -> None:
     assert all((guess.controls >= low).all() and (guess.controls <= high).all() for _, guess in first)
 
 
+def test_no_two_restarts_of_a_problem_without_controls_are_the_same() -> None:
+    """What they vary is what is free: the unknown rate, whose guess of 0 is stationary, and the start of a mass."""
+    ocp = OptimalControlProblem("growth")
+    x, rate, mass = ocp.state("x"), ocp.unknown("rate"), ocp.state("mass", lower=0.5, upper=8.0, guess=2.0)
+    ocp.dynamics(x, rate**2)
+    ocp.dynamics(mass, 0.0)
+    ocp.start(x, 0.0)
+    ocp.end(x, 1.0)
+    ocp.duration(1.0)
+    ocp.minimise(rate**2)
+    problem = ocp.functions()
+    found = list(starts(problem, problem.guess, np.empty(0), 8, np.random.default_rng(0)))
+    begun = np.array([guess.states_at(np.zeros(1))[0] for _, guess in found])
+    simulated = [name != "the guess with noise" for name, _ in found]
+    assert len(np.unique(begun[:, 1])) == len(np.unique(begun[:, 2])) == len(found) == 8
+    assert (begun[simulated, 0] == 0.0).all()
+    assert ((begun[:, 2] >= 0.5) & (begun[:, 2] <= 8.0)).all()
+    assert begun[1:, 1].std() > 0.1
+
+
 def test_a_simulation_for_a_restart_follows_the_dynamics() -> None:
     problem = swing(1.0).functions()
     name, guess = list(starts(problem, problem.guess, problem.nominal, 2, np.random.default_rng(0)))[1]

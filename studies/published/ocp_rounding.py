@@ -87,7 +87,7 @@ def _made(setup: Setup, attempts: Sequence[Attempt]) -> dict[Attempt, dict[str, 
 
 def _ended(figures: Mapping[str, Any]) -> bool:
     """Return whether an attempt ended by itself."""
-    return figures["status"] != TIMED_OUT
+    return bool(figures["status"] != TIMED_OUT)
 
 
 def _others(name: str, draws: int, settings: Sequence[str]) -> list[Attempt]:

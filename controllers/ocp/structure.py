@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.clocks import clocks_of
-from mathnavi.controllers.ocp.layout import bounded_states
+from mathnavi.controllers.ocp.layout import bounded_states, mixed_constraints
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.scaling_rows import with_ordinary_rows
 from mathnavi.controllers.ocp.solution import Solution
@@ -89,7 +89,7 @@ def structure(solution: Solution) -> Structure:
     problem, k, nodes = solution.problem, len(solution.scheme.points), solution.grid.nodes
     tau, multipliers = (solution.point_times / solution.duration).ravel(), solution.multipliers
     linear, path = linear_controls(problem), _path_values(solution)
-    mixed = switching_constraints(problem)
+    mixed, of_controls = switching_constraints(problem), mixed_constraints(problem)
     pure = _active_constraints(solution, path, mixed)
     overlaid = np.any(pure, axis=0) if pure else np.zeros(len(tau), dtype=bool)
     nowhere = np.zeros(len(tau), dtype=bool)
@@ -117,6 +117,8 @@ def structure(solution: Solution) -> Structure:
                 path[:, j], multipliers.path.values[:, :, j].ravel(), bounds, 1.0, overlaid, nowhere,
                 linear=False, k=k,
             )  # fmt: skip
+        elif j in of_controls and bounds[0] < bounds[1]:
+            code, last = _held_throughout(path[:, j], multipliers.path.values[:, :, j].ravel(), bounds)
         if followed[j].any():
             _, ends, code = _runs(followed[j])
             last = ends[:-1] - 1
@@ -263,6 +265,20 @@ def _runs_held(
                     code[among[-1] + 1 : end] = code[end]
         starts, ends, values = _runs(code)
     return values, ends[:-1] - 1
+
+
+def _held_throughout(values: Array, multiplier: Array, bounds: tuple[float, float]) -> tuple[Integers, Integers]:
+    """Code (1,) of a constraint on controls that it holds or leaves smoothly, 0 but where it holds all the time.
+
+    As an inequality that holds it keeps the controls from their optimum by what the barrier is at the end, along the
+    limit as the square root of it: a thrust of full size wavers about its direction.
+    """
+    lower, upper = bounds
+    extent = upper - lower if np.isfinite(upper - lower) else 1.0
+    for code, distance in ((1, upper - values), (-1, values - lower)):
+        if (distance <= _AT_BOUND * extent).all() and (code * multiplier > 0.0).all():
+            return np.array([code], dtype=np.int64), np.empty(0, dtype=np.int64)
+    return np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.int64)
 
 
 def _touched(values: Array, multiplier: Array, limits: Interval, free: NDArray[np.bool_], weak: float) -> Integers:

@@ -61,6 +61,33 @@ def test_a_limit_of_a_state_has_an_arc_of_its_own() -> None:
     assert "3 arcs" in found.message
 
 
+def ascent(thrust: str) -> OptimalControlProblem:
+    """Fastest ascent to a height of 1 with a thrust of size 2 at most, by its angle or as a vector: the same optimum."""
+    ocp = OptimalControlProblem(f"ascent, {thrust}")
+    y, v = ocp.state("y", guess=(0.0, 1.0)), ocp.state("v", 2, guess=[(0.0, 0.5), (1.0, 0.5)])
+    if thrust == "angle":
+        angle = ocp.control("angle", guess=(1.0, -0.3))
+        u = ca.vertcat(ca.cos(angle), ca.sin(angle))
+    else:
+        u = ocp.control("u", 2, guess=[(0.5, 0.8), (0.9, -0.3)])
+        ocp.constrain(ca.sumsqr(u) <= 1.0)
+    ocp.dynamics(y, v[1])
+    ocp.dynamics(v, ca.vertcat(2.0 * u[0], 2.0 * u[1] - 1.0))
+    for state, start, end in ((y, 0.0, 1.0), (v, [0.0, 0.0], [1.0, 0.0])):
+        ocp.start(state, start)
+        ocp.end(state, end)
+    ocp.minimise(terminal=ocp.free_duration(guess=1.5, lower=0.1, upper=10.0))
+    return ocp
+
+
+def test_a_constraint_on_controls_that_holds_all_the_time_needs_no_more_nodes_than_without_it() -> None:
+    """A barrier would leave the direction of the thrust uncertain by the square root of what it is at the end."""
+    angle, vector = ascent("angle").solve(), ascent("vector").solve()
+    assert angle.status is vector.status is SolverOutcome.OPTIMAL
+    assert vector.cost == pytest.approx(angle.cost, rel=1e-7)
+    assert vector.nodes <= angle.nodes + 5
+
+
 def test_boundaries_that_would_leap_over_a_disc_are_left_for_a_mesh_that_stays() -> None:
     """A unicycle round a disc: arcs whose lengths are unknowns put their points on either side of it."""
     ocp = OptimalControlProblem("round a disc")

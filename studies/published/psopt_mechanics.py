@@ -348,6 +348,7 @@ INDEPENDENT: dict[str, tuple[float, str]] = {
     "bryson_denham": (4.0, "closed form: 4 / (9 L)"),
     "bryson_max_range": (-1.71231487507, "Radau, 40 x 4 and 100 x 3, and Gauss-Legendre, 60 x 3 and 120 x 4"),
     "chain": (5.068480110993, "closed form: a catenary"),
+    "coulomb": (2.1142170800, "the four switching times and T by SLSQP, shooting by DOP853 at 1e-12"),
     "crane": (5.1503848e-3, "Radau and Gauss-Legendre on nine arcs, as for the collection's container crane"),
     "dqc": (6.0, "closed form: u = 6 - 12 t"),
     "geodesic": (5549.68185237, "Radau, 40 x 4, and Gauss-Legendre, 60 x 3 and 120 x 4"),

@@ -58,15 +58,17 @@ class RecordedSmoother:
             raise ArgumentError("method = 'batch' did not converge on this run; allowed: 'rts'")
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Smoothed estimate at t [s], independent of ``measurements``; before the first stage that of the first stage,
-        and INITIALISING; DEGRADED in a gap between readings that is longer than declared.
+        """Smoothed estimate at t [s], independent of ``measurements``; before the first stage that of the first stage.
+
+        INITIALISING before the first stage and in a run without readings, DEGRADED in a gap between readings that is
+        longer than declared.
         """
         assert self._states is not None, "the run was not smoothed yet"
         k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
         x, P = self._model.reported(self._states.x[max(k, 0)], self._states.P[max(k, 0)])
         if P is not None:
             P = 0.5 * (P + P.T)
-        return Estimate(t, x, P, self._status(t) if k >= 0 else Status.INITIALISING)
+        return Estimate(t, x, P, self._status(t) if k >= 0 and len(self._read) else Status.INITIALISING)
 
     def _status(self, t: float) -> Status:
         """Status at t [s], which is after the first stage."""

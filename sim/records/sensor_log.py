@@ -10,12 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mathnavi.estimators.plausibility.checks import Recording, finished, misread
+from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, SmootherConfig, Smoothing
 from mathnavi.interfaces.boundary import Unusable, usable_estimate
 from mathnavi.interfaces.errors import FieldError, LogError, PluginError
 from mathnavi.interfaces.failures import raising
@@ -221,26 +222,23 @@ def estimate(
 ) -> EstimateHistory:
     """Run an estimator over a log.
 
-    ``method`` is any plug-in of ``mathnavi list estimators``, its class, or ``plugin(NAME, ...)``, and ``fields`` are
-    its fields. ``mission`` describes the vehicle and its sensors, as ``RangingMission(wall, angles, ...)`` does; its
-    period must be about that of the log. Readings that fit the mission only in another unit, with another sign or in
-    another order of quaternions are refused, unless ``trust_units`` says that they are right and the mission is not.
+    ``method`` is any plug-in of ``mathnavi list estimators``, its class, ``plugin(NAME, ...)``, or ``smoother(NAME)``
+    of a Kalman filter, which uses all readings at once, and ``fields`` are its fields. ``mission`` describes the
+    vehicle and its sensors, as ``RangingMission(wall, angles, ...)`` does; its period must be about that of the log.
+    Readings that fit the mission only in another unit, with another sign or in another order of quaternions are
+    refused, unless ``trust_units`` says that they are right and the mission is not.
 
     Raises PluginError for a method that is unknown, does not fit the mission or fails, FieldError for a field or a
     value that is not allowed, and LogError for a log without readings that the method needs, with malformed ones, or
     with some that fit the mission only in another unit, with another sign or in another order of quaternions.
     """
-    found = load("estimators", method) if isinstance(method, str) else method
-    if isinstance(found, PluginSpec):
-        spec = found
-    else:
-        check_class("estimators", found, getattr(found, "__qualname__", repr(found)))
-        spec = PluginSpec.with_fields(found)
+    spec = _spec(method)
     spec = PluginSpec(spec.plugin, configured(spec.config, fields))
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)
         sensors = checked_sensors(spec, mission)
-    name = method if isinstance(method, str) else called("estimators", spec.name)
+    smooths = isinstance(estimator, RecordedSmoother)
+    name = method if isinstance(method, str) else "smoother" if smooths else called("estimators", spec.name)
     for sensor in sensors:
         _check_readings(log, sensor, name)
     readings = {sensor.name: _well_formed(log, sensor) for sensor in sensors}
@@ -251,10 +249,12 @@ def estimate(
     check = misread(mission, Recording(log.t, readings, from_each, log.quaternions))
     if not trust_units and (said := finished(check)):
         raise LogError(f"{log.source}: {said}; trust_units=True takes them as they are")
+    if smooths:
+        with raising(LogError):
+            estimator.smooth((t, _read(readings, k, t), commands[k]) for k, t in enumerate(log.t.tolist()))
     found_at: list[Estimate] = []
     for k, t in enumerate(log.t.tolist()):
-        rows = ((each, values[k]) for each, values in readings.items())
-        read = tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
+        read = _read(readings, k, t)
         with of_stranger(spec.plugin, f"estimators: {name!r}: update() at {t:g} s failed:"):
             answer = estimator.update(t, read, commands[k])
         judged = usable_estimate(answer, t, found_at[-1] if found_at else None)
@@ -264,6 +264,39 @@ def estimate(
     read_by = {sensor.name for sensor in sensors}
     unread = {each: _count(rows) for each, rows in log.readings.items() if each not in read_by}
     return _history(name, found_at, unread)
+
+
+def smoother(
+    filter: str | PluginSpec | type[Any],
+    *,
+    method: Literal["rts", "batch"] = "rts",
+    gate: float = SmootherConfig().gate,
+) -> PluginSpec:
+    """Return the smoother of a Kalman filter, for ``estimate``: its sensors and its model, but all readings at once.
+
+    ``filter`` is the name of an estimator, its class, or ``plugin(NAME, ...)``. ``method`` is that of Rauch, Tung and
+    Striebel, or batch least squares; ``gate`` the probability that a good component of a reading is refused.
+
+    Raises PluginError for an unknown filter, FieldError for one that is not a Kalman filter, and for another method or
+    a gate that is not a probability.
+    """
+    spec = _spec(filter)
+    return PluginSpec.with_fields(Smoothing(spec.plugin, spec.config), method=method, gate=gate)
+
+
+def _spec(given: str | PluginSpec | type[Any]) -> PluginSpec:
+    """The plug-in of a name, with its fields as they are by default; of a class, or as it is given."""
+    found = load("estimators", given) if isinstance(given, str) else given
+    if isinstance(found, PluginSpec):
+        return found
+    check_class("estimators", found, getattr(found, "__qualname__", repr(found)))
+    return PluginSpec.with_fields(found)
+
+
+def _read(readings: Mapping[str, Array], k: int, t: float) -> tuple[Measurement, ...]:
+    """Readings in row ``k`` at ``t`` [s]: those of a row that is not NaN throughout."""
+    rows = ((each, values[k]) for each, values in readings.items())
+    return tuple(Measurement(each, t, row.copy()) for each, row in rows if not np.isnan(row).all())
 
 
 def _count(rows: Array) -> int:

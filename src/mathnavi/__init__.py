@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from mathnavi.scripting.runs import available, make, run, study, sweep
     from mathnavi.scripting.safety_filter import SafetyFilter
     from mathnavi.sim.plugin.registry import PluginSpec
-    from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
+    from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate, smoother
 
     __version__: str
 
@@ -96,6 +96,7 @@ _PLACES = {
     "wall_through": "scripting.localisation",
     # estimators over one's own log
     "estimate": "sim.records.sensor_log",
+    "smoother": "sim.records.sensor_log",
     "SensorLog": "sim.records.sensor_log",
     "EstimateHistory": "sim.records.sensor_log",
     "RangingMission": "models.unicycle.mission",
@@ -169,6 +170,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "ellipse",
     "wall_through",
     "estimate",
+    "smoother",
     "SensorLog",
     "EstimateHistory",
     "RangingMission",

@@ -50,6 +50,42 @@ def test_any_estimator_of_the_mission_runs_over_a_log(method: str) -> None:
     assert method in repr(found)
 
 
+@pytest.mark.honoured("sensor log", "a smoother of a Kalman filter")
+@pytest.mark.parametrize("method", ["rts", "batch"])
+def test_a_smoother_uses_the_readings_to_come(method: Any) -> None:
+    t, poses, ranges, u = driven()
+    noise = np.random.default_rng(0).normal(0.0, 0.05, ranges.shape)
+    mission = dataclasses.replace(MISSION, ranging=mn.RangeQuality(absolute=0.05))
+    log = mn.SensorLog(t, {"ranges": ranges + noise, "odometry": u})
+    filtered = mn.estimate("range_ekf", mission, log)
+    smoothed = mn.estimate(mn.smoother("range_ekf", method=method), mission, log)
+
+    def error(found: mn.EstimateHistory) -> float:
+        return float(np.sqrt(np.mean((found.x - poses)[:, :2] ** 2)))
+
+    assert error(smoothed) < 0.9 * error(filtered)
+    assert (smoothed.deviation[10:30] < filtered.deviation[10:30]).all()
+    if method == "rts":  # at the end there are no readings to come; batch least squares is linearised elsewhere
+        np.testing.assert_allclose(smoothed.x[-1], filtered.x[-1], atol=1e-9)
+    assert "smoother" in repr(smoothed)
+
+
+def test_what_cannot_be_smoothed_is_refused() -> None:
+    with pytest.raises(mn.FieldError, match="allowed: kalman, missile_kalman, range_ekf"):
+        mn.smoother("feasible_set_bank")
+    with pytest.raises(mn.FieldError, match="method = 'best'"):
+        mn.smoother("range_ekf", method="best")  # type: ignore[arg-type]
+    with pytest.raises(mn.PluginError, match="'smoother' is not known"):
+        mn.estimate("smoother", MISSION, good())
+
+
+def test_a_smoother_without_a_reading_waits_for_one() -> None:
+    blind = np.full((60, 2), np.nan)
+    log = good(readings={"ranges": blind, "odometry": blind})
+    found = mn.estimate(mn.smoother("range_ekf"), dataclasses.replace(MISSION, start=None), log)
+    assert set(found.status) == {Status.INITIALISING}
+
+
 @pytest.mark.honoured("sensor log", "inputs that act from their times on")
 def test_an_input_acts_from_its_time_on() -> None:
     """Without odometry the command moves the robot: one that stops at t[30] is at rest from then on."""

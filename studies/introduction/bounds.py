@@ -23,7 +23,7 @@ from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.missile import MissileModel
 from mathnavi.estimators.stagewise.model import StagewiseModel
 from mathnavi.estimators.stagewise.smoother import square_root
-from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.bounds import Count, Seed, configuration
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.field.curve import ellipse
@@ -98,6 +98,8 @@ class BoundsConfig:
 
     seeds: Count = 10
     """number of seeds of each scenario; several times as many where errors change slowly"""
+    seed: Seed = 0
+    """first seed of each scenario"""
     scenarios: Count = len(SCENARIOS)
     """largest number of scenarios"""
     shortened: Count = 1
@@ -118,7 +120,7 @@ class Bounds:
         jobs = Jobs()
         for name in list(SCENARIOS)[: config.scenarios]:
             seconds, runs = SCENARIOS[name].seconds / config.shortened, config.seeds * SCENARIOS[name].repeats
-            jobs.add(name, compared, [BoundRun(name, seed, seconds) for seed in range(runs)])
+            jobs.add(name, compared, [BoundRun(name, config.seed + k, seconds) for k in range(runs)])
         by_estimator = [errors for runs in jobs.done(setup).values() for errors in zip(*runs, strict=True)]
         rows = [_row(errors) for errors in by_estimator]
         return StudyResult(

@@ -99,7 +99,9 @@ PREFIX = "menagerie:"
 
 
 def menagerie_file(mechanism: str) -> Path:
-    """MJCF file of ``menagerie:NAME``, the robot alone, or of ``menagerie:NAME/ENTRY``, another file of its folder.
+    """MJCF file of ``menagerie:NAME``, or of ``menagerie:NAME/ENTRY``, another file of its folder.
+
+    ``menagerie:NAME`` is the robot alone, or its scene where the robot has a free base and nothing to stand on.
 
     Raises FieldError without the package, for a name or an entry that it does not know, and where the robot can be
     neither found nor fetched.
@@ -113,13 +115,23 @@ def menagerie_file(mechanism: str) -> Path:
         ) from None
     try:
         robot = package.get(name)
-        return Path(robot.xml(entry or robot.default_model))
+        alone = Path(robot.xml(entry or robot.default_model))
+        scene = None if entry else robot.default_scene
+        return Path(robot.xml(scene)) if scene is not None and _falls(alone) else alone
     except (package.MenagerieError, OSError) as error:
         reason = " ".join(str(error).split())
         raise FieldError(
             f"mechanism = {mechanism!r}; allowed: {PREFIX}NAME of a robot of MuJoCo Menagerie that is in the cache or "
             f"can be fetched ({reason})"
         ) from None
+
+
+def _falls(mjcf: Path) -> bool:
+    """True if a file has a body with a free joint, and no plane or height field under it."""
+    spec = read_spec(mjcf, FieldError)
+    floors = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
+    free = any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints)
+    return free and not any(geom.type in floors for geom in spec.worldbody.geoms)
 
 
 MechanismName = Literal["rigid-body", "cart-pendulum", "two-link", "seven-joint"]

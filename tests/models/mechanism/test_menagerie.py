@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
 import mujoco_menagerie
 import numpy as np
 import pytest
@@ -28,9 +29,16 @@ LOWER = """<mujocoinclude><body name="lower" pos="0 0 .4"><joint name="elbow"/><
 LINK = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .4\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
 
 
+LEGGED = "unitree_go2"
+WALKER = """<mujoco model="walker"><worldbody><body name="trunk" pos="0 0 .3"><freejoint/><geom size=".1"/></body>
+</worldbody></mujoco>"""
+SCENE = """<mujoco model="scene"><include file="go2.xml"/><worldbody><geom type="plane" size="0 0 .1"/></worldbody>
+</mujoco>"""
+
+
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache in which one robot is, another one than Menagerie's."""
+    """A cache in which two robots are, others than Menagerie's."""
     monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path))
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
     monkeypatch.setenv("MENAGERIE_BASE_URL", (tmp_path / "nowhere").as_uri())
@@ -41,6 +49,12 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "lower.xml").write_text(LOWER)
     (folder / "assets" / "link.obj").write_text(LINK)
     (folder / ".complete").write_text("{}")
+    legged = mujoco_menagerie.get(LEGGED)
+    there = mujoco_menagerie.Cache().model_path(legged)
+    there.mkdir(parents=True)
+    for entry, content in ((legged.default_model, WALKER), (legged.default_scene, SCENE)):
+        (there / legged.entry(entry).file).write_text(content)
+    (there / ".complete").write_text("{}")
     return folder
 
 
@@ -56,6 +70,14 @@ def test_a_robot_in_the_cache_is_loaded_as_it_is(cache: Path) -> None:
     before = mechanism_digest(name)
     (cache / "assets" / "link.obj").write_text(LINK.replace(".4", ".5"))
     assert mechanism_digest(name) != before
+
+
+@pytest.mark.parametrize(("entry", "stands"), [("", True), ("/scene", True), ("/go2", False)])
+def test_a_robot_with_a_free_base_has_the_floor_of_its_scene(cache: Path, entry: str, stands: bool) -> None:
+    model = build_model(f"menagerie:{LEGGED}{entry}")
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 1000)
+    assert (0.05 < data.qpos[2] < 0.15) == stands
 
 
 def test_its_joints_are_tracked(cache: Path, tmp_path: Path) -> None:

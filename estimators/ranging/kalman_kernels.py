@@ -187,7 +187,7 @@ def condition(
             PH[j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
         r = (relative * h) ** 2 + absolute**2
-        s = HPH + r + 0.5 * _square_trace(predicted, D, h, B, C, H)
+        s = HPH + r + 0.5 * square_trace(predicted, D, h, B, C, H)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
         square = nu * nu / s
         read += 1
@@ -217,7 +217,7 @@ def condition(
 
 
 @njit(cache=True, nogil=True)
-def _square_trace(P: Array, D: Array, h: float, B: float, C: float, H: Array) -> float:
+def square_trace(P: Array, D: Array, h: float, B: float, C: float, H: Array) -> float:
     """tr(h'' P h'' P) with h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'."""
     p_0 = P[0, 0] * H[0] + P[0, 1] * H[1] + P[0, 2] * H[2]
     p_1 = P[1, 0] * H[0] + P[1, 1] * H[1] + P[1, 2] * H[2]

@@ -1,0 +1,248 @@
+"""The monitor of integrity: it drives an estimator, decides whether its word holds, and names the channel at fault.
+
+Everything that it tests is published: estimates, and the readings that the estimator was given (``Witness``). Where a
+test alarms, the readings of the last seconds are run again from a copy of the estimator that is older than the fault,
+without each single channel and without pairs of the most suspicious (``isolation``). The smallest set without which
+nothing alarms, and whose readings contradict the estimate without them, is left out; the estimator of that replay takes
+the place of the contaminated one, so that the estimate is right again at once.
+
+    OK -> DEGRADED      at the first alarm; also while channels are left out, or the noise is found larger than declared
+    DEGRADED -> LOST    where nothing explains the alarm for 0.75 s
+    LOST -> OK          once the state was found again and no test alarms for 5 s
+    DEGRADED -> OK      once all channels are used again and no test alarms for 2 s
+
+A channel that is left out is used again once its own tests have passed for 2 s; each time it has to be left out again it
+waits twice as long. The status of the estimator itself is never improved upon.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mathnavi.estimators.integrity.isolation import Explanation, Replay, explanation
+from mathnavi.estimators.integrity.windows import ENERGY, JOINT, MEAN
+from mathnavi.estimators.integrity.witness import Recovery, Witness, is_plausible
+from mathnavi.estimators.timeout_monitor import worst
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+
+_SNAPSHOT, _MEMORY = 0.5, 8.0  # [s] between copies of the estimator, and for which they and the readings are kept
+_SETTLED = 2.0  # [s] without an alarm until the estimate is OK again, or for the first time where that is asked
+_FOUND = 5.0  # [s] likewise, after it was lost
+_READMITTED, _LONGEST = 2.0, 30.0  # [s] for which a channel has to pass its tests, at first and at most
+_PATIENCE = 0.75  # [s] for which an alarm may stay without an explanation
+_RETRIED = 0.25  # [s] between two attempts to explain one
+_WORDS = {MEAN: "its mean", ENERGY: "its spread", JOINT: "all readings together"}
+
+
+class Snapshot(NamedTuple):
+    """Estimator and witness after update k."""
+
+    k: int
+    estimator: Estimator
+    witness: Witness
+    estimate: Estimate
+    out: frozenset[int]
+
+
+class Guarded:
+    """An estimator with its monitor.
+
+    ``extra["left_out"]`` (l,) of an estimate is 1 for a channel that was left out, else 0; ``extra["integrity"]`` (1,)
+    the worst statistic over its threshold.
+    """
+
+    def __init__(
+        self,
+        estimator: Estimator,
+        witness: Witness,
+        *,
+        recovery: Recovery | None = None,
+        trusted: bool = True,
+        most_out: int = 2,
+    ) -> None:
+        """Args:
+        estimator: it; its period [s] is that of the updates.
+        witness: tests of its channels.
+        recovery: how it begins again; None for an estimator that finds its state by itself.
+        trusted: True if the estimate is OK as soon as the estimator says so, False if no test may have alarmed for 2 s.
+        most_out: number of channels that may be left out together; 0 where none can be spared.
+        """
+        self.period = estimator.period
+        self._estimator, self._witness, self._recovery = estimator, witness, recovery
+        self._most_out, self._trusted = min(most_out, len(witness.names) - 1), trusted
+        self._state, self._message = Status.OK if trusted else Status.INITIALISING, ""
+        self._begun = False  # whether the estimator was OK yet
+        self._estimate: Estimate | None = None
+        self._out: frozenset[int] = frozenset()
+        self._astray = False  # True for an estimator that has to begin again
+        self._k = self._quiet = 0
+        self._next_attempt, self._unexplained = 0, -1
+        self._past: deque[tuple[float, Sequence[Measurement], Array]] = deque(maxlen=self._updates(_MEMORY) + 1)
+        self._snapshots: list[Snapshot] = []
+        self._passed = np.zeros(len(witness.names), dtype=np.int64)  # updates for which a channel has passed its tests
+        self._wait = np.full(len(witness.names), self._updates(_READMITTED))
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate at t [s], with the status that holds."""
+        self._k += 1
+        self._past.append((t, tuple(measurements), command.copy()))
+        ratio = 0.0
+        if self._astray and self._recovery is not None:
+            self._recover(t, measurements, command)
+        replay = Replay(self._estimator, self._witness, self._estimate)
+        estimate = replay.advance(t, measurements, command, self._out)
+        self._estimate = estimate
+        used = replay.used(self._out)
+        if estimate.status is not Status.OK or not is_plausible(estimate):
+            self._not_ok(estimate)
+        else:
+            found = self._witness.worst(used)
+            ratio, stuck = found.ratio, frozenset(self._witness.stuck()) - self._out
+            if ratio > 1.0 or stuck:
+                self._alarmed(stuck, _WORDS.get(found.test, "dead reckoning"), found.channel)
+            else:
+                self._calm()
+        return self._published(self._estimate if self._estimate is not None else estimate, ratio)
+
+    def _updates(self, seconds: float) -> int:
+        return max(1, round(seconds / self.period))
+
+    def _published(self, estimate: Estimate, ratio: float) -> Estimate:
+        """The estimate with the worst of both statuses."""
+        left_out = np.zeros(len(self._witness.names))
+        left_out[list(self._out)] = 1.0
+        extra = {**estimate.extra, "left_out": left_out, "integrity": np.array([ratio])}
+        if self._state is Status.OK:
+            return dataclasses.replace(estimate, extra=extra)
+        status = worst(estimate.status, self._state)
+        P, kappa = estimate.covariance, self._witness.windows.kappa
+        return dataclasses.replace(
+            estimate, status=status, extra=extra, message=self._message or estimate.message,
+            covariance=P if P is None or kappa <= 1.0 else kappa * P,
+        )  # fmt: skip
+
+    def _not_ok(self, estimate: Estimate) -> None:
+        """What follows from an estimate that the estimator itself does not call OK, or that cannot be."""
+        waits = estimate.status in (Status.DEGRADED, Status.LOST) and is_plausible(estimate)
+        if self._begun and self._snapshots and not waits:  # it has given up what it knew: by a fault?
+            if self._k >= self._next_attempt:
+                self._alarmed(frozenset(), "the estimator's own tests", -1)
+            return
+        self._witness.clear()
+        self._quiet, self._snapshots = 0, []
+        if not is_plausible(estimate) and estimate.status is Status.OK:
+            self._state, self._message = Status.LOST, "is no state that can be, or has no covariance that can"
+
+    def _calm(self) -> None:
+        """No test alarms."""
+        self._begun, self._unexplained = True, -1
+        self._quiet += 1
+        needed = self._updates(_FOUND if self._state is Status.LOST else _SETTLED)
+        self._readmit()
+        noisy = self._witness.windows.kappa > 1.0
+        if noisy and self._quiet >= needed:
+            squares, count = self._witness.windows.joint(self._updates(_SETTLED))
+            if count and squares < 1.5 * count:
+                self._witness.windows.kappa, noisy, self._quiet = 1.0, False, 0
+        if self._quiet >= needed and not self._out and not noisy:
+            self._state, self._message = Status.OK, ""
+        elif self._quiet >= needed and self._state is not Status.INITIALISING:
+            self._state = Status.DEGRADED
+        if self._state is not Status.LOST and self._k % self._updates(_SNAPSHOT) == 0 and self._estimate is not None:
+            kept = self._k - self._updates(_MEMORY)
+            self._snapshots = [each for each in self._snapshots if each.k >= kept]
+            made = copied(self._estimator)
+            self._snapshots.append(Snapshot(self._k, made, self._witness.copy(), self._estimate, self._out))
+
+    def _readmit(self) -> None:
+        """Use a channel again that has passed its own tests for long enough."""
+        windows, stuck = self._witness.windows, self._witness.stuck()
+        for i in sorted(self._out):
+            passes = windows.is_quiet(i, self._updates(_READMITTED)) and i not in stuck
+            self._passed[i] = self._passed[i] + 1 if passes else 0
+            if self._passed[i] >= self._wait[i]:
+                self._out -= {i}
+                windows.forget(i)
+                self._passed[i], self._quiet = 0, 0
+                self._wait[i] = min(2 * self._wait[i], self._updates(_LONGEST))
+                self._message = self._left_out() if self._out else f"uses {self._witness.names[i]} again"
+
+    def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
+        """A test alarms: explain it by channels that are left out, by more noise, or be lost."""
+        self._quiet = 0
+        if not self._begun:  # the covariance of a start is too large for tests to the last digit
+            self._witness.clear()
+            return
+        if self._state is Status.LOST:
+            self._astray = True
+            return
+        if self._k < self._next_attempt:
+            return
+        self._next_attempt = self._k + self._updates(_RETRIED)
+        if self._state is not Status.INITIALISING:
+            self._state = Status.DEGRADED
+        named = f"{what} of {self._witness.names[channel]}" if channel >= 0 else what
+        self._message = f"disagrees with its readings: {named}"
+        if found := self._explained(stuck):
+            self._adopt(found)
+            return
+        if self._unexplained < 0:
+            self._unexplained = self._k
+        if self._k - self._unexplained >= self._updates(_PATIENCE) or not self._snapshots:
+            self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
+            self._astray = True
+            self._witness.clear()
+
+    def _explained(self, stuck: frozenset[int]) -> Explanation | None:
+        """The explanation from a copy that is older than the fault, or from the oldest."""
+        if not self._snapshots:
+            return None
+        late = self._unexplained >= 0 and self._k - self._unexplained >= self._updates(_PATIENCE)
+        old = [each for each in self._snapshots if self._k - each.k >= self._updates(1.5)]
+        starts = list(dict.fromkeys(([len(old) - 1] if old else []) + [0]))
+        past = list(self._past)
+        for at in starts:
+            start = self._snapshots[at]
+            since = past[len(past) - (self._k - start.k) :]
+            replay = Replay(copied(start.estimator), start.witness.copy(), start.estimate)
+            found = explanation(replay, start.out, since, self._out, stuck, self._most_out, noise=late)
+            if found is not None:
+                self._snapshots = self._snapshots[: at + 1]
+                return found
+        return None
+
+    def _adopt(self, found: Explanation) -> None:
+        """Go on with the estimator of a replay."""
+        self._estimator, self._witness, self._estimate = found.replay.estimator, found.replay.witness, found.replay.estimate
+        self._out, self._unexplained = found.out, -1
+        self._passed[:] = 0
+        self._message = self._left_out()
+        if found.out:
+            self._message = self._left_out() + (", or another one" if found.ambiguous else "")
+        else:
+            self._message = f"finds {np.sqrt(self._witness.windows.kappa):.1f} times the declared noise"
+            self._snapshots = []
+
+    def _left_out(self) -> str:
+        return "leaves out " + ", ".join(self._witness.names[i] for i in sorted(self._out))
+
+    def _recover(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
+        """Begin again once the state is known."""
+        assert self._recovery is not None
+        found = self._recovery.found(t, measurements, command)
+        if found is not None:
+            self._estimator, self._estimate, self._quiet, self._astray = found, None, 0, False
+            self._witness.clear()
+            self._message = "has begun again"
+
+
+def copied(estimator: Estimator) -> Estimator:
+    """A copy of an estimator with a state of its own."""
+    return copy.deepcopy(estimator)

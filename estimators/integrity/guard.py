@@ -11,8 +11,8 @@ the place of the contaminated one, so that the estimate is right again at once.
     LOST -> OK          once the state was found again and no test alarms for 5 s
     DEGRADED -> OK      once all channels are used again and no test alarms for 2 s
 
-A channel that is left out is used again once its own tests have passed for 2 s; each time it has to be left out again it
-waits twice as long. The status of the estimator itself is never improved upon.
+A channel that is left out is used again once its own tests have passed for 2 s, and each further time for twice as
+long. The status of the estimator itself is never improved upon.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Guarded:
         self._estimator, self._witness, self._recovery = estimator, witness, recovery
         self._most_out, self._trusted = min(most_out, len(witness.names) - 1), trusted
         self._state, self._message = Status.OK if trusted else Status.INITIALISING, ""
-        self._begun = False  # whether the estimator was OK yet
+        self._begun = False  # whether the estimator was OK for long enough yet
         self._estimate: Estimate | None = None
         self._out: frozenset[int] = frozenset()
         self._astray = False  # True for an estimator that has to begin again
@@ -122,10 +122,10 @@ class Guarded:
         if self._state is Status.OK:
             return dataclasses.replace(estimate, extra=extra)
         status = worst(estimate.status, self._state)
-        P, kappa = estimate.covariance, self._witness.windows.kappa
+        P, excess = estimate.covariance, self._witness.windows.excess
         return dataclasses.replace(
             estimate, status=status, extra=extra, message=self._message or estimate.message,
-            covariance=P if P is None or kappa <= 1.0 else kappa * P,
+            covariance=P if P is None or excess <= 1.0 else excess * P,
         )  # fmt: skip
 
     def _not_ok(self, estimate: Estimate) -> None:
@@ -142,20 +142,24 @@ class Guarded:
 
     def _calm(self) -> None:
         """No test alarms."""
-        self._begun, self._unexplained = True, -1
         self._quiet += 1
+        self._begun = self._begun or self._quiet >= self._updates(_SETTLED)
+        if self._quiet >= self._updates(_RETRIED):
+            self._unexplained = -1
         needed = self._updates(_FOUND if self._state is Status.LOST else _SETTLED)
         self._readmit()
-        noisy = self._witness.windows.kappa > 1.0
+        windows = self._witness.windows
+        noisy = windows.excess > 1.0
         if noisy and self._quiet >= needed:
-            squares, count = self._witness.windows.joint(self._updates(_SETTLED))
-            if count and squares < 1.5 * count:
-                self._witness.windows.kappa, noisy, self._quiet = 1.0, False, 0
+            squares, count = windows.joint(self._updates(_SETTLED))
+            if count and squares < 1.5 * windows.declared * count:
+                windows.kappa, noisy, self._quiet = windows.declared, False, 0
         if self._quiet >= needed and not self._out and not noisy:
             self._state, self._message = Status.OK, ""
         elif self._quiet >= needed and self._state is not Status.INITIALISING:
             self._state = Status.DEGRADED
-        if self._state is not Status.LOST and self._k % self._updates(_SNAPSHOT) == 0 and self._estimate is not None:
+        due = self._k % self._updates(_SNAPSHOT) == 0 or not self._snapshots
+        if self._state is not Status.LOST and due and self._estimate is not None:
             kept = self._k - self._updates(_MEMORY)
             self._snapshots = [each for each in self._snapshots if each.k >= kept]
             made = copied(self._estimator)
@@ -177,9 +181,6 @@ class Guarded:
     def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
         """A test alarms: explain it by channels that are left out, by more noise, or be lost."""
         self._quiet = 0
-        if not self._begun:  # the covariance of a start is too large for tests to the last digit
-            self._witness.clear()
-            return
         if self._state is Status.LOST:
             self._astray = True
             return
@@ -195,7 +196,9 @@ class Guarded:
             return
         if self._unexplained < 0:
             self._unexplained = self._k
-        if self._k - self._unexplained >= self._updates(_PATIENCE) or not self._snapshots:
+        if not self._begun:  # a covariance that is still large may be wrong for a moment: begin to test again
+            self._witness.clear()
+        if self._k - self._unexplained >= self._updates(_PATIENCE):
             self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
             self._astray = True
             self._witness.clear()
@@ -220,14 +223,17 @@ class Guarded:
 
     def _adopt(self, found: Explanation) -> None:
         """Go on with the estimator of a replay."""
-        self._estimator, self._witness, self._estimate = found.replay.estimator, found.replay.witness, found.replay.estimate
+        self._estimator, self._witness, self._estimate = (
+            found.replay.estimator,
+            found.replay.witness,
+            found.replay.estimate,
+        )
         self._out, self._unexplained = found.out, -1
         self._passed[:] = 0
-        self._message = self._left_out()
         if found.out:
             self._message = self._left_out() + (", or another one" if found.ambiguous else "")
         else:
-            self._message = f"finds {np.sqrt(self._witness.windows.kappa):.1f} times the declared noise"
+            self._message = f"finds {np.sqrt(self._witness.windows.excess):.1f} times the declared noise"
             self._snapshots = []
 
     def _left_out(self) -> str:

@@ -10,6 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.estimators.integrity.witness import Witness, is_plausible
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
@@ -31,9 +32,9 @@ class Replay:
     witness: Witness
     estimate: Estimate | None
 
-    def used(self, out: frozenset[int]) -> Array:
+    def used(self, out: frozenset[int]) -> Flags:
         """True (l,) for the channels that are used."""
-        used = np.ones(len(self.witness.names), dtype=np.bool_)
+        used: Flags = np.ones(len(self.witness.names), dtype=np.bool_)
         used[list(out)] = False
         return used
 
@@ -133,8 +134,11 @@ def _noisier(start: Replay, past: Sequence[Reading]) -> Explanation | None:
         whole.advance(*each, frozenset())
     squares, count = whole.witness.windows.joint(len(past))
     kappa = _MARGIN * squares / max(count, 1)
-    if not 1.0 < kappa < _NOISIEST:
+    declared = whole.witness.windows.declared
+    if not declared < kappa < _NOISIEST * declared:
         return None
     replay = start.copy()
     replay.witness.windows.kappa = kappa
-    return None if _agreement(replay, past, frozenset(), frozenset()) is None else Explanation(frozenset(), replay, False)
+    return (
+        None if _agreement(replay, past, frozenset(), frozenset()) is None else Explanation(frozenset(), replay, False)
+    )

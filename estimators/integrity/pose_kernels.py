@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, square_trace
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
@@ -58,7 +59,7 @@ def predicted(x: Array, P: Array, u: Array, W: Array, scale: float, dt: float) -
 
 @njit(cache=True, nogil=True)
 def innovations(
-    wall: WallShape, angles: Array, noise: tuple[float, float, float], x: Array, P: Array, z: Array, used: Array
+    wall: WallShape, angles: Array, noise: tuple[float, float, float], x: Array, P: Array, z: Array, used: Flags
 ) -> tuple[Array, Array, Array]:
     """e (l,), w (l,) and the expected ranges (l,) of readings z (l,) from the prediction x (3,), P (3, 3).
 
@@ -102,9 +103,7 @@ def innovations(
 
 
 @njit(cache=True, nogil=True)
-def reckoned(
-    branches: Branches, lengths: Integers, x: Array, u: Array, W: Array, scale: float, dt: float
-) -> float:
+def reckoned(branches: Branches, lengths: Integers, x: Array, u: Array, W: Array, scale: float, dt: float) -> float:
     """Move the branches over dt [s], and return the largest d' P^-1 d of those whose age is one of ``lengths``."""
     worst = 0.0
     for n in range(len(branches.age)):
@@ -170,7 +169,7 @@ class Repeats(NamedTuple):
     last: Array  # (l,) [m] last reading
     first: Array  # (l,) [m] expected at the first of them
     now: Array  # (l,) [m] expected at the last
-    count: Integers  # (l,)
+    times: Integers  # (l,) that it was repeated
 
 
 def no_repeats(rays: int) -> Repeats:
@@ -181,15 +180,15 @@ def no_repeats(rays: int) -> Repeats:
 
 @njit(cache=True, nogil=True)
 def note_repeats(repeats: Repeats, z: Array, expected: Array) -> int:
-    """Take readings z (l,), NaN where nothing was read, and what was expected; returns the largest number of repeats."""
+    """Take readings z (l,), NaN for none, and what was expected (l,); returns the largest number of repeats."""
     most = 0
     for i in range(len(z)):
         if math.isnan(z[i]):
             continue
         if z[i] == repeats.last[i]:
-            repeats.count[i] += 1
+            repeats.times[i] += 1
         else:
-            repeats.count[i], repeats.last[i], repeats.first[i] = 0, z[i], expected[i]
+            repeats.times[i], repeats.last[i], repeats.first[i] = 0, z[i], expected[i]
         repeats.now[i] = expected[i]
-        most = max(most, repeats.count[i])
+        most = max(most, repeats.times[i])
     return most

@@ -19,7 +19,7 @@ from mathnavi.estimators.integrity.pose_kernels import (
     predicted,
     reckoned,
 )
-from mathnavi.estimators.integrity.windows import NOTHING, Thresholds, Windows, Worst
+from mathnavi.estimators.integrity.windows import CLIP, NOTHING, Flags, Thresholds, Windows, Worst
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.reader import ODOMETRY, RANGES, TOO_FAST, TOO_LONG
 from mathnavi.estimators.ranging.reading_kernels import is_within
@@ -41,8 +41,8 @@ class PoseWitness:
         self._rays = len(self._model.angles)
         self.names = tuple(f"ray {i}" for i in range(self._rays))
         self._thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
-        # A declared outlier counts as at most the clipped square.
-        self.windows = Windows(self._thresholds, self._rays)
+        outliers = self._model.outliers  # each of which counts as at most the clipped square
+        self.windows = Windows(self._thresholds, self._rays, 1.0 - outliers + outliers * CLIP**2)
         self._lengths = self._thresholds.lengths[1:]
         self._limit = self._thresholds.chi_square(3)
         self._every = max(1, round(_BRANCHED / mission.period))
@@ -54,7 +54,7 @@ class PoseWitness:
         self._repeats, self._most = no_repeats(self._rays), 0
 
     def take(
-        self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Array
+        self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
     ) -> None:
         rho = newest(RANGES, measurements)
         rho, u = self._nothing if rho is None else rho, newest(ODOMETRY, measurements)
@@ -76,7 +76,7 @@ class PoseWitness:
             branch(self._branches, after.x, after.covariance)
         self._k += 1
 
-    def worst(self, used: Array) -> Worst:
+    def worst(self, used: Flags) -> Worst:
         found = self.windows.worst(used)
         return Worst(self._reckoned, NOTHING, -1) if self._reckoned > found.ratio else found
 
@@ -85,7 +85,7 @@ class PoseWitness:
             return []
         moved = np.abs(self._repeats.now - self._repeats.first)
         least = _MOVED * np.sqrt(self._model.range_variance(np.nan_to_num(self._repeats.last)))
-        return np.flatnonzero((self._repeats.count >= _REPEATS) & (moved > least)).tolist()
+        return np.flatnonzero((self._repeats.times >= _REPEATS) & (moved > least)).tolist()
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         if not out:
@@ -100,8 +100,7 @@ class PoseWitness:
     def copy(self) -> PoseWitness:
         made = copy.copy(self)
         made.windows = self.windows.copy()
-        made._branches = type(self._branches)(*(each.copy() for each in self._branches))
-        made._repeats = type(self._repeats)(*(each.copy() for each in self._repeats))
+        made._branches, made._repeats = copy.deepcopy((self._branches, self._repeats))
         return made
 
 
@@ -139,7 +138,7 @@ class Relocation:
             return None
         self._bank = None
         deviation = np.sqrt(P.diagonal()).tolist()
-        start = KnownStart(tuple(estimate.x.tolist()), tuple(max(each, 1e-6) for each in deviation))  # type: ignore[arg-type]
+        start = KnownStart(tuple(estimate.x.tolist()), tuple(max(each, 1e-6) for each in deviation))
         return self._build(dataclasses.replace(self._mission, start=start))
 
 

@@ -24,11 +24,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri, ndtri
 
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
 
+Flags = NDArray[np.bool_]
 CLIP = 4.0
 """largest magnitude of a normalised innovation that counts"""
 FEWEST = 3
@@ -83,8 +85,9 @@ class Windows:
     """Sums of the innovations of l channels over the last updates."""
 
     def __init__(self, thresholds: Thresholds, channels: int, kappa: float = 1.0) -> None:
-        """``kappa`` is the variance of the innovations over the declared one."""
-        self.kappa, self._channels, self._thresholds = kappa, channels, thresholds
+        """``kappa`` is the variance of the innovations over the declared one, with the outliers that are declared."""
+        self.kappa = self.declared = kappa
+        self._channels, self._thresholds = channels, thresholds
         self._sums = np.zeros((int(thresholds.lengths[-1]) + 1, 3 * channels + 2))  # of e, e^2, 1, then w'w and 1
         self._k = 0
 
@@ -97,19 +100,25 @@ class Windows:
         """Forget what a channel read so far."""
         self._sums[:, channel : 3 * self._channels : self._channels] = 0.0
 
+    @property
+    def excess(self) -> float:
+        """kappa over the declared one: larger than one where the noise was found to be larger."""
+        return self.kappa / self.declared
+
     def copy(self) -> Windows:
         """A copy with sums of its own."""
         made = object.__new__(Windows)
-        made.kappa, made._channels, made._thresholds = self.kappa, self._channels, self._thresholds
+        made.kappa, made.declared = self.kappa, self.declared
+        made._channels, made._thresholds = self._channels, self._thresholds
         made._sums, made._k = self._sums.copy(), self._k
         return made
 
     def add(self, e: Array, white: Array) -> None:
         """Add the innovations of an update: e (l,) and w (l,), NaN where nothing was read, or used."""
-        _add(self._sums, self._k, e, white, CLIP * math.sqrt(self.kappa))
+        _add(self._sums, self._k, e, white, CLIP)
         self._k += 1
 
-    def worst(self, used: Array) -> Worst:
+    def worst(self, used: Flags) -> Worst:
         """The worst test over the channels that are ``used`` (l,)."""
         known = self._thresholds
         return Worst(*_worst(self._sums, self._k, used, known.lengths, self.kappa, known.z, known.energy))
@@ -120,18 +129,27 @@ class Windows:
         return float(_of_channel(self._sums, self._k, channel, known.lengths, self.kappa, known.z, known.energy))
 
     def is_quiet(self, channel: int, length: int) -> bool:
-        """True if the last ``length`` updates of a channel, half of them read or more, pass its tests at the soft level."""
-        c = self._sums[self._k % len(self._sums)] - self._sums[(self._k - min(length, self._k)) % len(self._sums)]
-        e, squares, count = c[channel : 3 * self._channels : self._channels]
-        if count < max(FEWEST, 0.5 * min(length, self._k)) or self._k < length:
+        """True if the last ``length`` updates of a channel pass its tests at the soft level."""
+        if self._k < length:
+            return False
+        sums = self._since(length)
+        e, squares, count = sums[channel : 3 * self._channels : self._channels]
+        if count < FEWEST:
             return False
         mean = abs(e) / math.sqrt(self.kappa * count)
-        return bool(mean <= self._thresholds.soft_z and squares <= self.kappa * self._thresholds.soft_energy[int(count)])
+        most = self.kappa * self._thresholds.soft_energy[round(count)]
+        return bool(mean <= self._thresholds.soft_z and squares <= most)
 
     def joint(self, length: int) -> tuple[float, int]:
         """Sum of w'w over the last ``length`` updates, and their number."""
-        c = self._sums[self._k % len(self._sums)] - self._sums[(self._k - min(length, self._k)) % len(self._sums)]
-        return float(c[-2]), round(float(c[-1]))
+        sums = self._since(length)
+        return float(sums[-2]), round(float(sums[-1]))
+
+    def _since(self, length: int) -> Array:
+        """Sums over the last ``length`` updates, or over all."""
+        size = len(self._sums)
+        sums: Array = self._sums[self._k % size] - self._sums[(self._k - min(length, self._k)) % size]
+        return sums
 
 
 @njit(cache=True, nogil=True)
@@ -154,7 +172,7 @@ def _add(sums: Array, k: int, e: Array, white: Array, clip: float) -> None:
 
 @njit(cache=True, nogil=True)
 def _worst(
-    sums: Array, k: int, used: Array, lengths: Integers, kappa: float, z: float, energy: Array
+    sums: Array, k: int, used: Flags, lengths: Integers, kappa: float, z: float, energy: Array
 ) -> tuple[float, int, int]:
     """The worst ratio, its test and its channel."""
     size, l = len(sums), len(used)  # noqa: E741

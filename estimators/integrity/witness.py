@@ -8,7 +8,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from mathnavi.estimators.integrity.windows import Windows, Worst
+from mathnavi.estimators.integrity.windows import Flags, Windows, Worst
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
@@ -24,11 +24,11 @@ class Witness(Protocol):
     """names (l,) of the channels, in messages"""
 
     def take(
-        self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Array
+        self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
     ) -> None:
         """Take an update: the estimates before and after it, its readings, and which channels (l,) were used."""
 
-    def worst(self, used: Array) -> Worst:
+    def worst(self, used: Flags) -> Worst:
         """The worst test over the channels that are used."""
 
     def stuck(self) -> list[int]:

@@ -1,0 +1,153 @@
+"""An estimator of a pose is not OK while it is wrong, names the ray at fault, and is right again at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import mathnavi as mn
+from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
+from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
+from mathnavi.interfaces.signals import Array, Estimate, Status
+
+PERIOD, NOISE, ODOMETRY = 0.02, 0.02, (0.02, 0.02)
+WALL = mn.wall_through([(0.0, 0.0), (4.0, -0.2), (4.6, 2.0), (2.4, 3.2), (0.2, 2.4)], order=8)
+ANGLES = (0.0, math.pi / 2.0, -1.75)
+SECONDS, BEGIN, END = 16.0, 4.0, 8.0  # [s] of a drive, and of its fault
+FIRST, LAST = round(BEGIN / PERIOD), round(END / PERIOD)
+
+
+class Drive(NamedTuple):
+    """Truth (k, 3), and the readings of an ideal robot (k, 3), (k, 2)."""
+
+    x: Array
+    ranges: Array
+    odometry: Array
+
+
+def driven(seed: int, kidnapped: bool = False) -> Drive:
+    """A drive on circles that change, with noise as declared."""
+    rng = np.random.default_rng(seed)
+    mission = mn.RangingMission(WALL, ANGLES, period=PERIOD)
+    x, poses, inputs = np.array([2.0, 1.2, 0.3]), [], []
+    for k in range(round(SECONDS / PERIOD)):
+        if kidnapped and k == FIRST:
+            x = np.array([3.4, 1.8, 2.0])
+        u = np.array([0.25, 0.6 * math.copysign(1.0, math.sin(0.35 * k * PERIOD + 0.5))])
+        x = mission.flow(x, u, PERIOD)
+        poses.append(x)
+        inputs.append(u)
+    truth = np.array(poses)
+    ranges = np.array([WALL.ranges(pose, ANGLES)[0] for pose in truth])
+    noise = NOISE * rng.standard_normal(ranges.shape)
+    return Drive(truth, ranges + noise, np.array(inputs) + ODOMETRY * rng.standard_normal((len(truth), 2)))
+
+
+def estimates(kind: Any, drive: Drive, known: bool = True) -> list[Estimate]:
+    start = mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)) if known else None
+    ranging, odometry = mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY)
+    mission = mn.RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD)
+    estimator = kind.build(kind.Config(), mission)
+    found = []
+    for k, (z, u) in enumerate(zip(drive.ranges, drive.odometry, strict=True)):
+        t = PERIOD * (k + 1)
+        found.append(estimator.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u))
+    return found
+
+
+def sure_and_wrong(found: list[Estimate], drive: Drive) -> float:
+    """Time [s] in stretches of more than a second in which an estimate is OK and off by more than three deviations."""
+    wrong = []
+    for estimate, x in zip(found, drive.x, strict=True):
+        d = estimate.x - x
+        d[2] = math.remainder(d[2], 2.0 * math.pi)
+        sure = estimate.status is Status.OK and estimate.covariance is not None
+        wrong.append(sure and bool((np.abs(d) > 3.0 * np.sqrt(np.diag(estimate.covariance))).any()))
+    edges = np.flatnonzero(np.diff([0, *np.array(wrong, dtype=int), 0]))
+    lengths = edges[1::2] - edges[::2]
+    return PERIOD * float(lengths[lengths > 1.0 / PERIOD].sum())
+
+
+def blocked(z: Array) -> Array:
+    return np.full_like(z, 0.3)
+
+
+def stuck(z: Array) -> Array:
+    return np.full_like(z, z[0])
+
+
+def scaled(z: Array) -> Array:
+    return 1.1 * z
+
+
+def offset(z: Array) -> Array:
+    return z + 0.1
+
+
+@pytest.mark.parametrize("kind", [RangeEkf, RangeIekf, FeasibleSetBank], ids=lambda kind: kind.__name__)
+def test_as_declared_nothing_alarms(kind: Any) -> None:
+    """The words are those of the estimator alone."""
+    alone = SimpleNamespace(Config=kind.Config, build=kind)
+    for seed in range(2):
+        drive, known = driven(seed), kind is not FeasibleSetBank
+        found, bare = estimates(kind, drive, known), estimates(alone, drive, known)
+        assert [each.status for each in found] == [each.status for each in bare]
+        assert all(each.status is Status.OK for each in found[100:])
+        assert not any(each.extra["left_out"].any() for each in found)
+
+
+@pytest.mark.parametrize("fault", [blocked, stuck, scaled, offset], ids=lambda fault: fault.__name__)
+@pytest.mark.parametrize(("kind", "ray"), [(RangeEkf, 0), (RangeEkf, 2), (FeasibleSetBank, 1)])
+def test_a_ray_at_fault_is_named_left_out_and_used_again(kind: Any, ray: int, fault: Callable[[Array], Array]) -> None:
+    drive = driven(3)
+    drive.ranges[FIRST:LAST, ray] = fault(drive.ranges[FIRST:LAST, ray])
+    found = estimates(kind, drive, known=kind is not FeasibleSetBank)
+    assert sure_and_wrong(found, drive) == 0.0
+    named = [np.flatnonzero(each.extra["left_out"]).tolist() == [ray] for each in found[FIRST:LAST]]
+    assert np.mean(named) > 0.85
+    during = found[(FIRST + LAST) // 2]
+    assert during.status is Status.DEGRADED
+    assert f"ray {ray}" in during.message
+    errors = np.array([np.hypot(*(each.x - x)[:2]) for each, x in zip(found, drive.x, strict=True)])
+    assert errors[FIRST:].max() < 0.25
+    assert found[-1].status is Status.OK
+    assert not found[-1].extra["left_out"].any()
+
+
+@pytest.mark.parametrize("kind", [RangeEkf, FeasibleSetBank], ids=lambda kind: kind.__name__)
+def test_a_robot_that_is_carried_away_is_lost_and_found(kind: Any) -> None:
+    drive = driven(5, kidnapped=True)
+    found = estimates(kind, drive, known=kind is not FeasibleSetBank)
+    assert sure_and_wrong(found, drive) == 0.0
+    assert found[FIRST + 10].status is not Status.OK
+    assert found[-1].status is Status.OK
+    assert np.hypot(*(found[-1].x - drive.x[-1])[:2]) < 0.05
+
+
+def test_the_first_word_of_a_local_filter_is_not_trusted_where_the_start_is_unknown() -> None:
+    drive = driven(7)
+    found = estimates(RangeEkf, drive, known=False)
+    assert found[0].status is not Status.OK
+    assert found[50].status is not Status.OK
+    assert sure_and_wrong(found, drive) == 0.0
+    assert found[-1].status is Status.OK
+
+
+def test_odometry_that_is_wrong_is_no_fault_of_a_ray() -> None:
+    drive = driven(9)
+    drive.odometry[FIRST:LAST] *= 1.3
+    found = estimates(RangeEkf, drive)
+    assert sure_and_wrong(found, drive) == 0.0
+    assert any(each.status is not Status.OK for each in found[FIRST:LAST])
+
+
+def test_the_same_readings_give_the_same_estimates_bit_for_bit() -> None:
+    drive = driven(3)
+    drive.ranges[FIRST:LAST, 0] = 0.3
+    one, other = (estimates(RangeEkf, drive) for _ in range(2))
+    assert all((a.x == b.x).all() and a.status is b.status for a, b in zip(one, other, strict=True))

@@ -7,8 +7,6 @@ comparison, an absolute value, or a least or largest value of expressions of the
 
 from __future__ import annotations
 
-import re
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -16,12 +14,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mathnavi.controllers.ocp.expressions import number
+from mathnavi.controllers.ocp.linear_tables import MOST_KNOTS, table_knots
 from mathnavi.controllers.ocp.statement import Statement
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
-
-MOST_BREAKS = 100
-"""number of break times beyond which none is looked for: a table with a value each minute is as good as smooth"""
 
 _SWITCHES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)  # of two expressions
 _KINKS = (ca.OP_FABS, ca.OP_SIGN)  # where an expression is zero
@@ -78,7 +74,7 @@ def _found(statement: Statement, T: float) -> list[float]:
             sides = [made.dep(0)] if code in _KINKS else []
         for side in sides:
             times += _zeros(side, statement.t, T)
-    return times if len(fractions(np.array(times) / T)) <= MOST_BREAKS else []
+    return times if len(fractions(np.array(times) / T)) <= MOST_KNOTS else []
 
 
 def _table_sides(call: ca.SX) -> list[ca.SX]:
@@ -87,25 +83,6 @@ def _table_sides(call: ca.SX) -> list[ca.SX]:
     if table.class_name() != "LinearInterpolant":
         return []
     return [call.dep(k) - knot for k, own in enumerate(table_knots(table)) for knot in own.tolist()]
-
-
-def table_knots(table: ca.Function) -> list[Array]:
-    """Knots of a linear table along each of its arguments, which CasADi hands out in its serialised form only."""
-    letters = np.frombuffer(table.serialize({"debug": True}).encode(), np.uint8).reshape(-1, 2) - ord("a")
-    written = (letters[:, 0] + 16 * letters[:, 1]).astype(np.uint8).tobytes()
-    grid = _vector(written, b"Interpolant::grid", b"d", "<f8")
-    offset = _vector(written, b"Interpolant::offset", b"J", "<i8").astype(np.int64)
-    return [grid[first:last] for first, last in pairwise(offset.tolist())]
-
-
-def _vector(written: bytes, name: bytes, letter: bytes, kind: str) -> Array:
-    """A vector in the serialised form: its name, its length, and each number behind a letter."""
-    start = re.search(re.escape(name) + b"VJ", written)
-    assert start is not None, f"{name!r} in the serialised table"
-    count = int(np.frombuffer(written, "<i8", 1, start.end())[0])
-    numbers = np.frombuffer(written, np.dtype([("letter", "S1"), ("value", kind)]), count, start.end() + 8)
-    assert (numbers["letter"] == letter).all(), f"the numbers of {name!r} in the serialised table"
-    return np.array(numbers["value"], float)
 
 
 def _zeros(side: ca.SX, t: ca.SX, T: float) -> list[float]:

@@ -124,7 +124,7 @@ def _cut(solution: Solution, surfaces: Surfaces, crossed: Sequence[Crossing]) ->
     for a, branches in enumerate(levels):
         for k in {each.surface for each in crossed}:
             branches[k] = _level_at(surfaces, solution, 0.5 * (ends[a] + ends[a + 1]))[k]
-    made = [
+    rows = [
         branched(
             surfaces.rows,
             [own_x[a], u[a * nu : (a + 1) * nu], begins[a] + tau * T_a[a], p],
@@ -133,7 +133,6 @@ def _cut(solution: Solution, surfaces: Surfaces, crossed: Sequence[Crossing]) ->
         )
         for a, b in enumerate(levels)
     ]
-    rows = [part for part in made if part is not None]
     rates = [T_a[a] * part[:nx] for a, part in enumerate(rows)]
     running = sum((T_a[a] * part[nx] for a, part in enumerate(rows)), ca.SX(0))
     along, whole = [x, u, tau, p], begins[-1] + T_a[-1]
@@ -149,10 +148,8 @@ def _cut(solution: Solution, surfaces: Surfaces, crossed: Sequence[Crossing]) ->
     for a, crossing in enumerate(crossed):
         surface = surfaces.every[crossing.surface]
         level = surfaces.levels(own_x[a], ca.SX.zeros(nu), begins[a + 1], p)[0][crossing.surface]
-        passed = _level_at(surfaces, solution, crossing.time)[crossing.surface]
-        step = (
-            surface.step * (np.round(passed / surface.step + surface.offset) - surface.offset) if surface.step else 0.0
-        )
+        passed = _level_at(surfaces, solution, crossing.time)[[crossing.surface]]
+        step = float(surface.nearest_step(passed)[0])
         # A hair before the surface, so that the last point of the part is on its own side of it.
         size = np.array(surfaces.levels(*_along(solution, crossing.time))[1].full())[crossing.surface, 0]
         before = step + _HAIR * size * (1.0 if levels[a][crossing.surface] > step else -1.0)

@@ -90,23 +90,25 @@ def _levels(surfaces: Surfaces, solution: SolutionView, t: Array) -> tuple[Array
 def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, sides: _Sides, k: int) -> list[Crossing]:
     surface, g = surfaces.every[k], samples.levels[:, k]
     passed = steps_passed(surface, g)
-    away = (
-        g if surface.step == 0.0 else g - surface.step * (np.round(g / surface.step + surface.offset) - surface.offset)
-    )
-    near = np.abs(away) <= _NEAR * np.maximum(samples.sizes[:, k], 1e-300)
+    near = np.abs(g - surface.nearest_step(g)) <= _NEAR * np.maximum(samples.sizes[:, k], 1e-300)
     known = np.maximum.accumulate(np.where(near, -1, np.arange(len(g))))
     known[known < 0] = int(np.flatnonzero(~near)[0]) if not near.all() else 0
     passed = passed[known]  # on the surface: on the side from which it came
-    found = []
-    for j in np.flatnonzero(np.diff(passed)).tolist():
-        time = _passage(surfaces, solution, (float(samples.t[known[j]]), float(samples.t[j + 1])), k)
+    found = list[Crossing]()
+    after = np.flatnonzero(np.diff(passed))
+
+    def add(begin: float, end: float, jump: bool, inside: bool) -> None:
+        level = float(_levels(surfaces, solution, np.array([begin]))[0][0, k]) if surface.knots else 0.0
+        found.append(Crossing(k, surface.named(level), begin, end, jump, inside))
+
+    for time in _passages(surfaces, solution, samples.t[known[after]], samples.t[after + 1], k):
         if (jump := sides.differ(k, time)) is not None:
-            found.append(Crossing(k, surface.text, time, time, jump, _inside(surface, solution, time, jump)))
+            add(time, time, jump, _inside(surface, solution, time, jump))
     ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     for first, last in zip(ends[::2].tolist(), (ends[1::2] - 1).tolist(), strict=True):
         begin, end = (_at_node(solution, float(samples.t[j])) for j in (first, last))
         if end - begin > _ARC * solution.duration and (jump := sides.differ(k, 0.5 * (begin + end))) is not None:
-            found.append(Crossing(k, surface.text, begin, end, jump, inside=True))
+            add(begin, end, jump, inside=True)
     return found
 
 
@@ -129,16 +131,30 @@ def _at_node(solution: SolutionView, time: float) -> float:
     return float(solution.t[i]) if abs(solution.t[i] - time) <= 2.0 * _EDGE * width else time
 
 
-def _passage(surfaces: Surfaces, solution: SolutionView, between: tuple[float, float], k: int) -> float:
-    """Time at which a level passes a step between two times, by bisection."""
-    low, high = between
-    surface = surfaces.every[k]
-    before = steps_passed(surface, _levels(surfaces, solution, np.array([low]))[0][:, k])
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        same = steps_passed(surface, _levels(surfaces, solution, np.array([middle]))[0][:, k]) == before
-        low, high = (middle, high) if same.all() else (low, middle)
-    return 0.5 * (low + high)
+def _passages(surfaces: Surfaces, solution: SolutionView, low: Array, high: Array, k: int) -> list[float]:
+    """Times at which a level passes a step between times (n,) and later ones (n,), by bisection.
+
+    Where it passes several between two of them, at the first: the next is sought from there.
+    """
+    if not len(low):
+        return []
+    surface, found = surfaces.every[k], list[float]()
+
+    def passed(t: Array) -> Array:
+        return steps_passed(surface, _levels(surfaces, solution, t)[0][:, k])
+
+    begin, end = low, high
+    while len(begin):
+        before, after = passed(begin), passed(end)
+        first, last = begin, end
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (first + last)
+            same = passed(middle) == before
+            first, last = np.where(same, middle, first), np.where(same, last, middle)
+        found += (0.5 * (first + last)).tolist()
+        more = passed(last) != after
+        begin, end = last[more], end[more]
+    return sorted(found)
 
 
 class _Sides:

@@ -127,7 +127,8 @@ def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump
 def _at_node(solution: SolutionView, time: float) -> float:
     """The time [s] of the node at a time; the time itself where there is none."""
     i = int(np.abs(solution.t - time).argmin())
-    width = np.diff(solution.t)[max(i - 1, 0) : i + 1].min()
+    held = i in solution.surface_nodes  # a hair before the surface, however narrow its intervals are
+    width = solution.duration / (solution.nodes - 1) if held else np.diff(solution.t)[max(i - 1, 0) : i + 1].min()
     return float(solution.t[i]) if abs(solution.t[i] - time) <= 2.0 * _EDGE * width else time
 
 

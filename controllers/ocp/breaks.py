@@ -28,7 +28,8 @@ _SAME = 1e-9  # of T: times that are as near are one
 def break_fractions(statement: Statement) -> tuple[float, ...]:
     """Fractions of T, in ]0, 1[, of the break times of a statement whose time is counted from its start.
 
-    They are those of what is stated at given times, and those that are found; none where T is free.
+    They are those of what is stated at given times, and those that are found; none where T is free: there they are
+    surfaces that a trajectory crosses (see ``crossings``).
     """
     assert statement.duration is not None
     if statement.duration.free:
@@ -44,14 +45,13 @@ def fractions(values: Array) -> tuple[float, ...]:
     return tuple(inside[np.append(True, np.diff(inside) > _SAME)].tolist()) if len(inside) else ()
 
 
-def times_of(name: str, breaks: Any, T: float, *, free: bool) -> list[float]:
+def times_of(name: str, breaks: Any, T: float) -> list[float]:
     """Break times [s] that a person gives; ProblemError, with the problem's ``name``, unless each is inside ]0, T[."""
-    allowed = "none where the duration is free" if free else f"times between 0 and {T:g} s"
-    wrong = ProblemError(f"{name}: breaks = {breaks!r:.80}; allowed: {allowed}")
+    wrong = ProblemError(f"{name}: breaks = {breaks!r:.80}; allowed: times between 0 and {T:g} s")
     if isinstance(breaks, (str, bytes)) or np.ndim(breaks) != 1:
         raise wrong
     times = [number(f"{name}: breaks", each) for each in breaks]
-    if times and (free or not all(0.0 < each < T for each in times)):
+    if not all(0.0 < each < T for each in times):
         raise wrong
     return times
 

@@ -29,7 +29,7 @@ from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA
 from mathnavi.interfaces.signals import Array
 
-MOST_PARTS = 6
+MOST_PARTS = 40
 """largest number of parts"""
 
 _GUESSES = 41  # points of a guess

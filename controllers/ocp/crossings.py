@@ -39,8 +39,11 @@ class Crossing:
     until: float  # [s] later than ``time`` for an arc on the surface
     jump: bool  # True for a jump, False for a kink
     inside: bool  # True if it is inside an interval, or a jump at a node that nothing holds on the surface
+    given: bool = False  # True for a break time that a person gave
 
     def __str__(self) -> str:
+        if self.given:
+            return f"a break is given at t = {self.time:.6g} s"
         what = "jumps" if self.jump else "has a kink"
         if self.until > self.time:
             return f"{self.text}, which {what}, is held from t = {self.time:.4g} to {self.until:.4g} s"
@@ -99,10 +102,12 @@ def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, s
 
     def add(begin: float, end: float, jump: bool, inside: bool) -> None:
         level = float(_levels(surfaces, solution, np.array([begin]))[0][0, k]) if surface.knots else 0.0
-        found.append(Crossing(k, surface.named(level), begin, end, jump, inside))
+        found.append(Crossing(k, surface.named(level), begin, end, jump, inside, surface.given))
 
     for time in _passages(surfaces, solution, samples.t[known[after]], samples.t[after + 1], k):
-        if (jump := sides.differ(k, time)) is not None:
+        jump = sides.differ(k, time)
+        if surface.given or jump is not None:
+            jump = bool(jump)
             add(time, time, jump, _inside(surface, solution, time, jump))
     ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     for first, last in zip(ends[::2].tolist(), (ends[1::2] - 1).tolist(), strict=True):
@@ -115,13 +120,14 @@ def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, s
 def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump: bool) -> bool:
     """True for a crossing that no node resolves.
 
-    Where a state takes part in a jump, a node that happens to be there is not enough: the programme has to hold it on
-    the surface, or J has no say in when it is crossed.
+    Where a state, or a free duration, takes part in a jump, a node that happens to be there is not enough: the programme
+    has to hold it on the surface, or J has no say in when it is crossed.
     """
     if _at_node(solution, time) not in solution.t:
         return True
     i = int(np.abs(solution.t - time).argmin())
-    return jump and surface.by_state and i not in solution.surface_nodes
+    moves = surface.by_state or solution.problem.free_duration
+    return jump and moves and i not in solution.surface_nodes
 
 
 def _at_node(solution: SolutionView, time: float) -> float:

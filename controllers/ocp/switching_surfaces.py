@@ -44,6 +44,7 @@ class SwitchingSurface:
     by_state: bool  # True if g depends on x
     by_control: bool  # True if g depends on u
     knots: tuple[float, ...] = ()  # steps that are not evenly spaced: knots of a table, increasing
+    given: bool = False  # True for a break time that a person gave: nothing is seen to branch there
 
     def nearest_step(self, levels: Array) -> Array:
         """The steps (n,) that are nearest to levels (n,)."""
@@ -73,8 +74,11 @@ class Surfaces:
 
 @lru_cache(maxsize=256)
 def has_switching_surfaces(problem: ProblemFunctions) -> bool:
-    """True if dynamics, running cost or path constraints have an operation that branches, or call a function."""
-    return any(
+    """True if dynamics, running cost or path constraints have an operation that branches, or call a function.
+
+    And where break times of a free duration are given.
+    """
+    return bool(problem.break_times) or any(
         function.instruction_id(k) in _BRANCHING_OR_CALL
         for function in (problem.dynamics, problem.running_cost, problem.path)
         for k in range(function.n_instructions())
@@ -90,6 +94,9 @@ def surfaces_of(problem: ProblemFunctions) -> Surfaces | None:
     function = _rows(problem, arguments)
     found: list[SwitchingSurface] = []
     branched(function, arguments, found, ())
+    t = arguments[2]
+    for time in problem.break_times:
+        found.append(SwitchingSurface(f"t = {time:g}", t - time, 0.0, 0.0, by_state=False, by_control=False, given=True))
     if not found:
         return None
     g, z = ca.vertcat(*(each.level for each in found)), ca.vertcat(*arguments[:3])

@@ -28,6 +28,9 @@ _BISECTIONS = 50
 _HOLDS_BACK = 1e-6  # of |J|: effect of a constraint that holds back
 _MOST = 3  # crossings that a message names
 
+MOST_CROSSINGS = 39
+"""number of crossings at which nodes are placed: a table of which more knots are passed is as good as smooth"""
+
 
 @dataclass(frozen=True)
 class Crossing:
@@ -59,7 +62,10 @@ class _Samples(NamedTuple):
 
 
 def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
-    """All crossings of a solution's trajectory in the order of time; none where its problem is smooth."""
+    """All crossings of a solution's trajectory in the order of time; none where its problem is smooth.
+
+    Without the kinks of tables where there are more than ``MOST_CROSSINGS`` of them.
+    """
     surfaces = surfaces_of(solution.problem)
     if surfaces is None or not np.isfinite(solution.x).all():
         return ()
@@ -72,6 +78,9 @@ def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
     found = [
         crossing for k in range(len(surfaces.every)) for crossing in _of_surface(surfaces, solution, samples, sides, k)
     ]
+    fine = [each for each in found if surfaces.every[each.surface].knots and not each.jump]
+    if len(fine) > MOST_CROSSINGS:
+        found = [each for each in found if each not in fine]
     return tuple(sorted(found, key=lambda each: each.time))
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.methods.adaptation import redistribute, solve
 from mathnavi.controllers.ocp.methods.crossing_nodes import solved_at_crossings
 from mathnavi.controllers.ocp.methods.hp import OPTIONS, TOLERANCE, hp
@@ -80,9 +81,11 @@ def automatic(
         return by_hp(first)
     if first is not None and (first.status in _HOPELESS or budget.spent):
         return first
-    if first is not None and first.not_smooth:
+    if first is not None and (first.not_smooth or _stopped_at_crossings(first)):
         left = budget.left(options or OPTIONS)
-        return solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
+        placed = solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
+        if placed.solved or budget.spent:
+            return placed
     moved = attempts.tried(
         "redistribution, residual",
         lambda left: redistribute(
@@ -96,6 +99,12 @@ def automatic(
             "hp from there", lambda left: hp(problem, tolerance=within, options=left, **better), options or OPTIONS
         )
     return attempts.best()
+
+
+def _stopped_at_crossings(first: Solution) -> bool:
+    """True if a solver gave up at a point that crosses jumps or kinks, which may be why."""
+    gave_up = first.status in (SolverOutcome.LIMIT, SolverOutcome.FAILED)
+    return gave_up and any(each.inside for each in crossings(first))
 
 
 class _Attempts:

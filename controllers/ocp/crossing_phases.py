@@ -132,13 +132,15 @@ def parts_at(solution: Solution) -> Parts | str:
     if len(cuts) > MOST_CROSSINGS:
         return f"{len(cuts)} crossings are too many to place a node at each"
     cuts.sort(key=lambda each: each.time)
-    last = cuts[-1] if cuts else None
-    if last is None or last.surface is None or T - last.time > _ENDING * T or not solution.problem.free_duration:
-        last = None
-    elif surfaces.every[last.surface].by_state:
-        last = None
     branching = {each.surface for each in crossed if each.surface is not None}
-    return _cut(solution, surfaces, cuts[:-1] if last else cuts, branching, last)
+    ending = cuts.pop() if cuts and _ends_there(solution, surfaces, cuts[-1]) else None
+    return _cut(solution, surfaces, cuts, branching, ending)
+
+
+def _ends_there(solution: Solution, surfaces: Surfaces, cut: _Cut) -> bool:
+    """True if a free duration ends on the surface of the time at which it is cut."""
+    at_end = solution.problem.free_duration and solution.duration - cut.time <= _ENDING * solution.duration
+    return at_end and cut.surface is not None and not surfaces.every[cut.surface].by_state
 
 
 def _fixed_cuts(solution: Solution) -> list[_Cut] | str:

@@ -4,11 +4,13 @@ At a jump or a kink inside an interval no derivative that a solver evaluates see
 is held by the mesh, not chosen by J, and a replay is blind to that. A node that the programme keeps on the surface is
 free to move with it (see ``crossing_phases``). A surface counts where the functions on its two sides differ, in their
 values (a jump) or in their one-sided derivatives (a kink); u |u| has neither at u = 0. A path constraint counts where
-it holds back.
+it holds back. The kinks of a table are mostly its approximation of a smooth function: at a tolerance they count where
+they bend what an interval integrates by more than that, Δ h^2 / 8 of a jump Δ in its slope.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -43,6 +45,7 @@ class Crossing:
     jump: bool  # True for a jump, False for a kink
     inside: bool  # True if it is inside an interval, or a jump at a node that nothing holds on the surface
     given: bool = False  # True for a break time that a person gave
+    bend: float = math.inf  # over the scales, of what the interval integrates, by the kink of a table; others count
 
     def __str__(self) -> str:
         if self.given:
@@ -84,9 +87,9 @@ def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
     return tuple(sorted(found, key=lambda each: each.time))
 
 
-def not_smooth(solution: SolutionView) -> tuple[str, ...]:
-    """Crossings inside intervals in words, the first few."""
-    inside = [str(each) for each in crossings(solution) if each.inside]
+def not_smooth(solution: SolutionView, tolerance: float) -> tuple[str, ...]:
+    """Crossings inside intervals that count at a tolerance, in words, the first few."""
+    inside = [str(each) for each in crossings(solution) if each.inside and each.bend > tolerance]
     more = len(inside) - _MOST
     return (*inside[:_MOST], f"{more} more") if more > 0 else tuple(inside)
 
@@ -110,8 +113,9 @@ def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, s
     after = np.flatnonzero(np.diff(passed))
 
     def add(begin: float, end: float, jump: bool, inside: bool) -> None:
+        bend = sides.bend(begin) if surface.knots and inside and not jump and begin == end else math.inf
         level = float(_levels(surfaces, solution, np.array([begin]))[0][0, k]) if surface.knots else 0.0
-        found.append(Crossing(k, surface.named(level), begin, end, jump, inside, surface.given))
+        found.append(Crossing(k, surface.named(level), begin, end, jump, inside, surface.given, bend))
 
     for time in _passages(surfaces, solution, samples.t[known[after]], samples.t[after + 1], k):
         jump = sides.differ(k, time)
@@ -129,8 +133,8 @@ def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, s
 def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump: bool) -> bool:
     """True for a crossing that no node resolves.
 
-    Where a state, or a free duration, takes part in a jump, a node that happens to be there is not enough: the programme
-    has to hold it on the surface, or J has no say in when it is crossed.
+    Where a state, or a free duration, takes part in a jump, a node that happens to be there is not enough: the
+    programme has to hold it on the surface, or J has no say in when it is crossed.
     """
     if _at_node(solution, time) not in solution.t:
         return True
@@ -219,6 +223,21 @@ class _Sides:
             return True
         kink = np.abs(2.0 * (slopes[1] - slopes[2]) - (slopes[0] - slopes[3])).max(axis=1)
         return False if (kink[counts] > _KINK * self._steepness[counts]).any() else None
+
+    def bend(self, time: float) -> float:
+        """What a kink at a time [s] inside an interval bends a state, J or a path constraint by, over their sizes."""
+        s, problem, nx = self._solution, self._solution.problem, self._solution.problem.nx
+        i = int(np.clip(np.searchsorted(s.t, time) - 1, 0, s.nodes - 2))
+        h = float(s.t[i + 1] - s.t[i])
+        step = _EDGE * h
+        t = time + step * np.array([-2.0, -1.0, 1.0, 2.0])
+        values, _ = self._at(s.state(t), s.control(t), t)
+        slope = np.abs((values[3] - values[2]) - (values[1] - values[0])) / step
+        sizes = np.concatenate([problem.state_scale, [max(1.0, abs(s.cost))], self._size[nx + 1 :]])
+        share = np.full(len(sizes), h**2 / 8.0)
+        share[nx + 1 :] = h / 4.0  # a constraint is not integrated
+        counts = np.concatenate([np.ones(nx + 1, bool), self._holding_back(time)])
+        return float((slope * share / sizes)[counts].max(initial=0.0))
 
     def _holding_back(self, time: float) -> Array:
         """(nd,) True for each path constraint with a multiplier around a time [s]."""

@@ -4,8 +4,8 @@ A table of y_1 ... y_d is continuous, and multilinear in each cell between neigh
 
     F(y) = Σ_c Π_j w_jc(y_j) F(k_c),        w_jc = (y_j - k_j) / (k_(j+1) - k_j)  or  1 - that,
 
-over the 2^d corners c of the cell; its first and last cells go on beyond the knots. Its derivative by y_j is constant in
-y_j in a cell, and linear in the others.
+over the 2^d corners c of the cell; its first and last cells go on beyond the knots. Its derivative by y_j is constant
+in y_j in a cell, and linear in the others.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ def table_piece(table: ca.Function, arguments: list[ca.SX], inside: Sequence[flo
         arguments: all nonzeros of its inputs, each (), those of the table first.
         inside: (d,) a value of each argument inside the cell; NaN along an argument whose cell is left open.
     """
-    cells = [None if np.isnan(value) else _cell(knots, value) for knots, value in zip(table_knots(table), inside)]
+    along = zip(table_knots(table), inside, strict=True)
+    cells = [None if np.isnan(value) else _cell(knots, value) for knots, value in along]
     if table.class_name() == _TABLE:
         return _corners(table, arguments, cells, 0)
     count = table.numel_out(0) // len(cells)
@@ -112,4 +113,5 @@ def called(function: ca.Function, arguments: Sequence[ca.SX], *, inline: bool = 
         made = [ca.SX(each) for each in function.call([ca.DM(each) for each in given])]
     else:
         made = function.call(given, inline, False)
-    return [part for each in made for part in ca.vertsplit(ca.vertcat(ca.SX(0, 1), *each.nonzeros()))]
+    nonzeros = [ca.SX(each.nz[:]) for each in made]
+    return [part for each in nonzeros if each.numel() for part in ca.vertsplit(each)]

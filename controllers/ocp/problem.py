@@ -496,8 +496,8 @@ class OptimalControlProblem:
         if problem.free_duration:
             if method != "auto" or not whole:
                 raise ProblemError(
-                    f"{self.name}: breaks where the duration is free; allowed: method = 'auto' without nodes, scheme and "
-                    "monitor, which holds a node at each, or a duration that is fixed"
+                    f"{self.name}: breaks where the duration is free; allowed: method = 'auto' without nodes, scheme "
+                    "and monitor, which holds a node at each, or a duration that is fixed"
                 )
             times = tuple(sorted(set(given)))
             if self._broken is None or self._broken[0] is not problem or self._broken[1].break_times != times:

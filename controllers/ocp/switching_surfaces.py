@@ -96,7 +96,8 @@ def surfaces_of(problem: ProblemFunctions) -> Surfaces | None:
     branched(function, arguments, found, ())
     t = arguments[2]
     for time in problem.break_times:
-        found.append(SwitchingSurface(f"t = {time:g}", t - time, 0.0, 0.0, by_state=False, by_control=False, given=True))
+        level, text = t - time, f"t = {time:g}"
+        found.append(SwitchingSurface(text, level, 0.0, 0.0, by_state=False, by_control=False, given=True))
     if not found:
         return None
     g, z = ca.vertcat(*(each.level for each in found)), ca.vertcat(*arguments[:3])
@@ -144,9 +145,7 @@ def branched(
 class _Branches:
     """Functions of the arguments of a problem, evaluated operation by operation with the branches that are given."""
 
-    def __init__(
-        self, arguments: Sequence[ca.SX], found: list[SwitchingSurface], branches: Sequence[float]
-    ) -> None:
+    def __init__(self, arguments: Sequence[ca.SX], found: list[SwitchingSurface], branches: Sequence[float]) -> None:
         self._arguments, self._found, self._branches = arguments, found, branches
 
     def of(self, function: ca.Function, arguments: Sequence[ca.SX]) -> ca.SX:

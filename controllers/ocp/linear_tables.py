@@ -113,5 +113,5 @@ def called(function: ca.Function, arguments: Sequence[ca.SX], *, inline: bool = 
         made = [ca.SX(each) for each in function.call([ca.DM(each) for each in given])]
     else:
         made = function.call(given, inline, False)
-    nonzeros = [ca.SX(each.nz[:]) for each in made]
+    nonzeros = [ca.vec(ca.SX(each.nz[:])) for each in made]
     return [part for each in nonzeros if each.numel() for part in ca.vertsplit(each)]

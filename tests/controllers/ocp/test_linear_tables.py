@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 
@@ -224,7 +225,7 @@ def trip(limit: Expression) -> tuple[Solution, Array]:
         """Speed and place at T of a thrust that turns at s."""
         parts = np.unique([0.0, T, *(each for each in (s, 2.0, 3.0) if each < T)])
         total = np.zeros(2)
-        for a, b in zip(parts[:-1], parts[1:], strict=True):
+        for a, b in itertools.pairwise(parts.tolist()):
             at, weights = np.polynomial.legendre.leggauss(4)  # exact: the limit is straight in each part
             at, weights = a + 0.5 * (b - a) * (at + 1.0), 0.5 * (b - a) * weights
             force = np.array([float(value(now)) for now in at]) * (1.0 if b <= s else -1.0)
@@ -280,14 +281,14 @@ def walk(rate: Expression, guess: float) -> OptimalControlProblem:
 
 def test_a_solver_that_gives_up_at_a_kink_is_helped_by_a_node_there() -> None:
     dear = ca.interpolant("dear", "linear", [np.array([0.0, 2.9, 3.1, 20.0])], [1.0, 1.0, 5.0, 5.0])
-    found = walk(dear, 2.0).solve()
+    found = walk(dear, 2.0).solve(verify=False)
     T = brentq(lambda T: 16.0 / T**2 - 1.0 - 20.0 * (T - 2.9), 2.9, 3.1, xtol=1e-13)
     assert found.status is SolverOutcome.OPTIMAL, found.message
     assert found.cost == pytest.approx(16.0 / T + T + 10.0 * (T - 2.9) ** 2, rel=1e-9)
 
 
 def test_a_duration_ends_on_the_time_from_which_on_it_is_dear() -> None:
-    found = walk(lambda t: ca.if_else(t < 3.0, 1.0, 5.0), 3.1).solve()
+    found = walk(lambda t: ca.if_else(t < 3.0, 1.0, 5.0), 3.1).solve(verify=False)
     assert found.status is SolverOutcome.OPTIMAL, found.message
     assert found.cost == pytest.approx(16.0 / 3.0 + 3.0, rel=1e-6)
     assert "its end on (t<3)" in found.message
@@ -308,7 +309,7 @@ def opaque() -> OptimalControlProblem:
 
 
 def test_break_times_of_a_free_duration_are_held() -> None:
-    found = opaque().solve(breaks=[2.0, 15.0])  # the second one is not reached
+    found = opaque().solve(breaks=[2.0, 15.0], verify=False)  # the second one is not reached
     assert found.status is SolverOutcome.OPTIMAL, found.message
     assert found.cost == pytest.approx(1.0 + 4.0 * np.sqrt(2.0), rel=1e-8)
     assert found.t[list(found.surface_nodes)] == pytest.approx([2.0], abs=1e-7)

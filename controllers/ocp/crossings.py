@@ -27,6 +27,7 @@ _SIDE = 1e-5  # of the scales: distance at which both sides are compared
 _JUMP, _KINK = 1e-6, 1e-4  # of the largest value, and the largest derivative, along the trajectory
 _ARC = 1e-3  # of T: least duration of an arc on a surface
 _BISECTIONS = 50
+_PASSED = 10  # steps that are passed between two points, at most
 _HOLDS_BACK = 1e-6  # of |J|: effect of a constraint that holds back
 _MOST = 3  # crossings that a message names
 
@@ -164,7 +165,9 @@ def _passages(surfaces: Surfaces, solution: SolutionView, low: Array, high: Arra
         return steps_passed(surface, _levels(surfaces, solution, t)[0][:, k])
 
     begin, end = low, high
-    while len(begin):
+    for _ in range(_PASSED):
+        if not len(begin):
+            break
         before, after = passed(begin), passed(end)
         first, last = begin, end
         for _ in range(_BISECTIONS):

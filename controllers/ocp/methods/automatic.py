@@ -84,8 +84,9 @@ def automatic(
     if first is not None and not budget.spent and _needs_nodes(first):
         left = budget.left(options or OPTIONS)
         placed = solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
-        if placed.status is SolverOutcome.OPTIMAL or (placed.solved and not optimal) or budget.spent:
-            return placed if placed.surface_nodes or not optimal else by_hp(placed)
+        better = placed.status is SolverOutcome.OPTIMAL if optimal else placed.solved
+        if (placed.surface_nodes and better) or (not optimal and (first.not_smooth or budget.spent)):
+            return placed
     if first is not None and optimal:
         return by_hp(first)
     moved = attempts.tried(

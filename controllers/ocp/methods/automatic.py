@@ -84,8 +84,8 @@ def automatic(
     if first is not None and not budget.spent and _needs_nodes(first):
         left = budget.left(options or OPTIONS)
         placed = solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
-        better = placed.status is SolverOutcome.OPTIMAL if optimal else placed.solved
-        if (placed.surface_nodes and better) or (not optimal and (first.not_smooth or budget.spent)):
+        improves = placed.status is SolverOutcome.OPTIMAL if optimal else placed.solved
+        if (placed.surface_nodes and improves) or (not optimal and (first.not_smooth or budget.spent)):
             return placed
     if first is not None and optimal:
         return by_hp(first)

@@ -95,11 +95,13 @@ class NumericalSolver:
         bounds: tuple[Array, Array, Array, Array] | None = None,
         *,
         plain_rows: bool = False,
+        cost: float | None = None,
     ) -> SolverAnswer:
         """Solve from a guess; failure of any kind is in the answer's status.
 
         The solver sees f over its scale and each row over its own; arguments and answer are in units of f and g. Where
-        f turns out to be far smaller than its scale, it is solved again from there.
+        f turns out to be far smaller than its scale, it is solved again from there; a guess that is a solution on
+        another mesh says so at once.
 
         Args:
             x_0: (n,) guess of the scaled unknowns.
@@ -107,6 +109,7 @@ class NumericalSolver:
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
             bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
             plain_rows: True for rows as they are stated, which the solver may scale itself.
+            cost: J of the guess where it is a solution on another mesh; None for a guess of any other kind.
         """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
@@ -114,6 +117,8 @@ class NumericalSolver:
         limits = self._bounds if bounds is None else bounds
         self._rows = np.ones_like(self._row_scale) if plain_rows else self._row_scale
         scale = self._cost_scale(x_0, known)
+        if cost is not None:
+            scale = corrected(scale, cost)
         answer = self._solved(x_0, known, multipliers, limits, scale)
         if not answer.ok or (found := corrected(scale, answer.cost)) == scale:
             return answer

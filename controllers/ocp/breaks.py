@@ -7,8 +7,6 @@ comparison, an absolute value, or a least or largest value of expressions of the
 
 from __future__ import annotations
 
-import re
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -16,12 +14,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mathnavi.controllers.ocp.expressions import number
+from mathnavi.controllers.ocp.linear_tables import MOST_KNOTS, table_knots
 from mathnavi.controllers.ocp.statement import Statement
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
-
-MOST_BREAKS = 100
-"""number of break times beyond which none is looked for: a table with a value each minute is as good as smooth"""
 
 _SWITCHES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)  # of two expressions
 _KINKS = (ca.OP_FABS, ca.OP_SIGN)  # where an expression is zero
@@ -32,7 +28,8 @@ _SAME = 1e-9  # of T: times that are as near are one
 def break_fractions(statement: Statement) -> tuple[float, ...]:
     """Fractions of T, in ]0, 1[, of the break times of a statement whose time is counted from its start.
 
-    They are those of what is stated at given times, and those that are found; none where T is free.
+    They are those of what is stated at given times, and those that are found; none where T is free: there they are
+    surfaces that a trajectory crosses (see ``crossings``).
     """
     assert statement.duration is not None
     if statement.duration.free:
@@ -48,14 +45,13 @@ def fractions(values: Array) -> tuple[float, ...]:
     return tuple(inside[np.append(True, np.diff(inside) > _SAME)].tolist()) if len(inside) else ()
 
 
-def times_of(name: str, breaks: Any, T: float, *, free: bool) -> list[float]:
+def times_of(name: str, breaks: Any, T: float) -> list[float]:
     """Break times [s] that a person gives; ProblemError, with the problem's ``name``, unless each is inside ]0, T[."""
-    allowed = "none where the duration is free" if free else f"times between 0 and {T:g} s"
-    wrong = ProblemError(f"{name}: breaks = {breaks!r:.80}; allowed: {allowed}")
+    wrong = ProblemError(f"{name}: breaks = {breaks!r:.80}; allowed: times between 0 and {T:g} s")
     if isinstance(breaks, (str, bytes)) or np.ndim(breaks) != 1:
         raise wrong
     times = [number(f"{name}: breaks", each) for each in breaks]
-    if times and (free or not all(0.0 < each < T for each in times)):
+    if not all(0.0 < each < T for each in times):
         raise wrong
     return times
 
@@ -78,7 +74,7 @@ def _found(statement: Statement, T: float) -> list[float]:
             sides = [made.dep(0)] if code in _KINKS else []
         for side in sides:
             times += _zeros(side, statement.t, T)
-    return times if len(fractions(np.array(times) / T)) <= MOST_BREAKS else []
+    return times if len(fractions(np.array(times) / T)) <= MOST_KNOTS else []
 
 
 def _table_sides(call: ca.SX) -> list[ca.SX]:
@@ -87,25 +83,6 @@ def _table_sides(call: ca.SX) -> list[ca.SX]:
     if table.class_name() != "LinearInterpolant":
         return []
     return [call.dep(k) - knot for k, own in enumerate(table_knots(table)) for knot in own.tolist()]
-
-
-def table_knots(table: ca.Function) -> list[Array]:
-    """Knots of a linear table along each of its arguments, which CasADi hands out in its serialised form only."""
-    letters = np.frombuffer(table.serialize({"debug": True}).encode(), np.uint8).reshape(-1, 2) - ord("a")
-    written = (letters[:, 0] + 16 * letters[:, 1]).astype(np.uint8).tobytes()
-    grid = _vector(written, b"Interpolant::grid", b"d", "<f8")
-    offset = _vector(written, b"Interpolant::offset", b"J", "<i8").astype(np.int64)
-    return [grid[first:last] for first, last in pairwise(offset.tolist())]
-
-
-def _vector(written: bytes, name: bytes, letter: bytes, kind: str) -> Array:
-    """A vector in the serialised form: its name, its length, and each number behind a letter."""
-    start = re.search(re.escape(name) + b"VJ", written)
-    assert start is not None, f"{name!r} in the serialised table"
-    count = int(np.frombuffer(written, "<i8", 1, start.end())[0])
-    numbers = np.frombuffer(written, np.dtype([("letter", "S1"), ("value", kind)]), count, start.end() + 8)
-    assert (numbers["letter"] == letter).all(), f"the numbers of {name!r} in the serialised table"
-    return np.array(numbers["value"], float)
 
 
 def _zeros(side: ca.SX, t: ca.SX, T: float) -> list[float]:

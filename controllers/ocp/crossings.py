@@ -4,11 +4,13 @@ At a jump or a kink inside an interval no derivative that a solver evaluates see
 is held by the mesh, not chosen by J, and a replay is blind to that. A node that the programme keeps on the surface is
 free to move with it (see ``crossing_phases``). A surface counts where the functions on its two sides differ, in their
 values (a jump) or in their one-sided derivatives (a kink); u |u| has neither at u = 0. A path constraint counts where
-it holds back.
+it holds back. The kinks of a table are mostly its approximation of a smooth function: at a tolerance they count where
+they bend what an interval integrates by more than that, Δ h^2 / 8 of a jump Δ in its slope.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,8 +27,12 @@ _SIDE = 1e-5  # of the scales: distance at which both sides are compared
 _JUMP, _KINK = 1e-6, 1e-4  # of the largest value, and the largest derivative, along the trajectory
 _ARC = 1e-3  # of T: least duration of an arc on a surface
 _BISECTIONS = 50
+_PASSED = 10  # steps that are passed between two points, at most
 _HOLDS_BACK = 1e-6  # of |J|: effect of a constraint that holds back
 _MOST = 3  # crossings that a message names
+
+MOST_CROSSINGS = 39
+"""number of crossings at which nodes are placed: a table of which more knots are passed is as good as smooth"""
 
 
 @dataclass(frozen=True)
@@ -39,8 +45,12 @@ class Crossing:
     until: float  # [s] later than ``time`` for an arc on the surface
     jump: bool  # True for a jump, False for a kink
     inside: bool  # True if it is inside an interval, or a jump at a node that nothing holds on the surface
+    given: bool = False  # True for a break time that a person gave
+    bend: float = math.inf  # over the scales, of what the interval integrates, by the kink of a table; others count
 
     def __str__(self) -> str:
+        if self.given:
+            return f"a break is given at t = {self.time:.6g} s"
         what = "jumps" if self.jump else "has a kink"
         if self.until > self.time:
             return f"{self.text}, which {what}, is held from t = {self.time:.4g} to {self.until:.4g} s"
@@ -56,7 +66,10 @@ class _Samples(NamedTuple):
 
 
 def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
-    """All crossings of a solution's trajectory in the order of time; none where its problem is smooth."""
+    """All crossings of a solution's trajectory in the order of time; none where its problem is smooth.
+
+    Without the kinks of tables where there are more than ``MOST_CROSSINGS`` of them.
+    """
     surfaces = surfaces_of(solution.problem)
     if surfaces is None or not np.isfinite(solution.x).all():
         return ()
@@ -69,12 +82,15 @@ def crossings(solution: SolutionView) -> tuple[Crossing, ...]:
     found = [
         crossing for k in range(len(surfaces.every)) for crossing in _of_surface(surfaces, solution, samples, sides, k)
     ]
+    fine = [each for each in found if surfaces.every[each.surface].knots and not each.jump]
+    if len(fine) > MOST_CROSSINGS:
+        found = [each for each in found if each not in fine]
     return tuple(sorted(found, key=lambda each: each.time))
 
 
-def not_smooth(solution: SolutionView) -> tuple[str, ...]:
-    """Crossings inside intervals in words, the first few."""
-    inside = [str(each) for each in crossings(solution) if each.inside]
+def not_smooth(solution: SolutionView, tolerance: float) -> tuple[str, ...]:
+    """Crossings inside intervals that count at a tolerance, in words, the first few."""
+    inside = [str(each) for each in crossings(solution) if each.inside and each.bend > tolerance]
     more = len(inside) - _MOST
     return (*inside[:_MOST], f"{more} more") if more > 0 else tuple(inside)
 
@@ -90,55 +106,78 @@ def _levels(surfaces: Surfaces, solution: SolutionView, t: Array) -> tuple[Array
 def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, sides: _Sides, k: int) -> list[Crossing]:
     surface, g = surfaces.every[k], samples.levels[:, k]
     passed = steps_passed(surface, g)
-    away = (
-        g if surface.step == 0.0 else g - surface.step * (np.round(g / surface.step + surface.offset) - surface.offset)
-    )
-    near = np.abs(away) <= _NEAR * np.maximum(samples.sizes[:, k], 1e-300)
+    near = np.abs(g - surface.nearest_step(g)) <= _NEAR * np.maximum(samples.sizes[:, k], 1e-300)
     known = np.maximum.accumulate(np.where(near, -1, np.arange(len(g))))
     known[known < 0] = int(np.flatnonzero(~near)[0]) if not near.all() else 0
     passed = passed[known]  # on the surface: on the side from which it came
-    found = []
-    for j in np.flatnonzero(np.diff(passed)).tolist():
-        time = _passage(surfaces, solution, (float(samples.t[known[j]]), float(samples.t[j + 1])), k)
-        if (jump := sides.differ(k, time)) is not None:
-            found.append(Crossing(k, surface.text, time, time, jump, _inside(surface, solution, time, jump)))
+    found = list[Crossing]()
+    after = np.flatnonzero(np.diff(passed))
+
+    def add(begin: float, end: float, jump: bool, inside: bool) -> None:
+        bend = sides.bend(begin) if surface.knots and inside and not jump and begin == end else math.inf
+        level = float(_levels(surfaces, solution, np.array([begin]))[0][0, k]) if surface.knots else 0.0
+        found.append(Crossing(k, surface.named(level), begin, end, jump, inside, surface.given, bend))
+
+    for time in _passages(surfaces, solution, samples.t[known[after]], samples.t[after + 1], k):
+        jump = sides.differ(k, time)
+        if surface.given or jump is not None:
+            jump = bool(jump)
+            add(time, time, jump, _inside(surface, solution, time, jump))
     ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
     for first, last in zip(ends[::2].tolist(), (ends[1::2] - 1).tolist(), strict=True):
         begin, end = (_at_node(solution, float(samples.t[j])) for j in (first, last))
         if end - begin > _ARC * solution.duration and (jump := sides.differ(k, 0.5 * (begin + end))) is not None:
-            found.append(Crossing(k, surface.text, begin, end, jump, inside=True))
+            add(begin, end, jump, inside=True)
     return found
 
 
 def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump: bool) -> bool:
     """True for a crossing that no node resolves.
 
-    Where a state takes part in a jump, a node that happens to be there is not enough: the programme has to hold it on
-    the surface, or J has no say in when it is crossed.
+    Where a state, or a free duration, takes part in a jump, a node that happens to be there is not enough: the
+    programme has to hold it on the surface, or J has no say in when it is crossed.
     """
     if _at_node(solution, time) not in solution.t:
         return True
     i = int(np.abs(solution.t - time).argmin())
-    return jump and surface.by_state and i not in solution.surface_nodes
+    moves = surface.by_state or solution.problem.free_duration
+    return jump and moves and i not in solution.surface_nodes
 
 
 def _at_node(solution: SolutionView, time: float) -> float:
     """The time [s] of the node at a time; the time itself where there is none."""
     i = int(np.abs(solution.t - time).argmin())
-    width = np.diff(solution.t)[max(i - 1, 0) : i + 1].min()
+    held = i in solution.surface_nodes  # a hair before the surface, however narrow its intervals are
+    width = solution.duration / (solution.nodes - 1) if held else np.diff(solution.t)[max(i - 1, 0) : i + 1].min()
     return float(solution.t[i]) if abs(solution.t[i] - time) <= 2.0 * _EDGE * width else time
 
 
-def _passage(surfaces: Surfaces, solution: SolutionView, between: tuple[float, float], k: int) -> float:
-    """Time at which a level passes a step between two times, by bisection."""
-    low, high = between
-    surface = surfaces.every[k]
-    before = steps_passed(surface, _levels(surfaces, solution, np.array([low]))[0][:, k])
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        same = steps_passed(surface, _levels(surfaces, solution, np.array([middle]))[0][:, k]) == before
-        low, high = (middle, high) if same.all() else (low, middle)
-    return 0.5 * (low + high)
+def _passages(surfaces: Surfaces, solution: SolutionView, low: Array, high: Array, k: int) -> list[float]:
+    """Times at which a level passes a step between times (n,) and later ones (n,), by bisection.
+
+    Where it passes several between two of them, at the first: the next is sought from there.
+    """
+    if not len(low):
+        return []
+    surface, found = surfaces.every[k], list[float]()
+
+    def passed(t: Array) -> Array:
+        return steps_passed(surface, _levels(surfaces, solution, t)[0][:, k])
+
+    begin, end = low, high
+    for _ in range(_PASSED):
+        if not len(begin):
+            break
+        before, after = passed(begin), passed(end)
+        first, last = begin, end
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (first + last)
+            same = passed(middle) == before
+            first, last = np.where(same, middle, first), np.where(same, last, middle)
+        found += (0.5 * (first + last)).tolist()
+        more = passed(last) != after
+        begin, end = last[more], end[more]
+    return sorted(found)
 
 
 class _Sides:
@@ -187,6 +226,21 @@ class _Sides:
             return True
         kink = np.abs(2.0 * (slopes[1] - slopes[2]) - (slopes[0] - slopes[3])).max(axis=1)
         return False if (kink[counts] > _KINK * self._steepness[counts]).any() else None
+
+    def bend(self, time: float) -> float:
+        """What a kink at a time [s] inside an interval bends a state, J or a path constraint by, over their sizes."""
+        s, problem, nx = self._solution, self._solution.problem, self._solution.problem.nx
+        i = int(np.clip(np.searchsorted(s.t, time) - 1, 0, s.nodes - 2))
+        h = float(s.t[i + 1] - s.t[i])
+        step = _EDGE * h
+        t = time + step * np.array([-2.0, -1.0, 1.0, 2.0])
+        values, _ = self._at(s.state(t), s.control(t), t)
+        slope = np.abs((values[3] - values[2]) - (values[1] - values[0])) / step
+        sizes = np.concatenate([problem.state_scale, [max(1.0, abs(s.cost))], self._size[nx + 1 :]])
+        share = np.full(len(sizes), h**2 / 8.0)
+        share[nx + 1 :] = h / 4.0  # a constraint is not integrated
+        counts = np.concatenate([np.ones(nx + 1, bool), self._holding_back(time)])
+        return float((slope * share / sizes)[counts].max(initial=0.0))
 
     def _holding_back(self, time: float) -> Array:
         """(nd,) True for each path constraint with a multiplier around a time [s]."""

@@ -442,9 +442,10 @@ class OptimalControlProblem:
             scheme: transcription of an interval, or its name: "Hermite-Simpson", "trapezoid", "Radau",
                 "Gauss-Legendre", "Legendre-Gauss-Lobatto", "multiple shooting", "forward Euler"; "auto" is then
                 "direct". None for the method's own.
-            breaks: times [s] since the start, inside of a fixed duration, at which a node is placed: where a function
+            breaks: times [s] since the start, inside of the duration, at which a node is placed: where a function
                 jumps or has a kink. Those of linear tables of the time, of comparisons with it, and of ``at()`` are
-                known.
+                known. Where the duration is free they need "auto" without nodes, and those that are later than T do
+                nothing.
             replay: False, for a number of nodes that is given, returns the solution of the programme as it is, in a
                 loop that has no time for more: its status is at best CONVERGED.
             verify: True to bound the error of J on two finer meshes, which takes about one more solve; False for the
@@ -464,9 +465,9 @@ class OptimalControlProblem:
         Raises:
             ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
                 method, scheme, monitor or parameter, a monitor or a scheme that its method cannot take, and break times
-                outside of the duration or where it is free.
+                outside of the duration or, where it is free, for a method that cannot hold them.
         """
-        problem = self._with_breaks(breaks, method)
+        problem = self._with_breaks(breaks, method, whole=nodes is None and scheme is None and monitor is None)
         values = problem.values_by_name(parameters)
         return solve_by(
             problem,
@@ -483,12 +484,25 @@ class OptimalControlProblem:
             starts=starts,
         )
 
-    def _with_breaks(self, breaks: Sequence[float], method: str) -> ProblemFunctions:
-        """The compiled functions with break times [s] besides their own; kept as they are."""
+    def _with_breaks(self, breaks: Sequence[float], method: str, *, whole: bool) -> ProblemFunctions:
+        """The compiled functions with break times [s] besides their own; kept as they are.
+
+        ``whole`` is True if all but the method is left to the method.
+        """
         problem = self.functions()
-        given = times_of(self.name, breaks, problem.guess_duration, free=problem.free_duration)
+        given = times_of(self.name, breaks, problem.duration_bounds[1])
         if not given:
             return problem
+        if problem.free_duration:
+            if method != "auto" or not whole:
+                raise ProblemError(
+                    f"{self.name}: breaks where the duration is free; allowed: method = 'auto' without nodes, scheme "
+                    "and monitor, which holds a node at each, or a duration that is fixed"
+                )
+            times = tuple(sorted(set(given)))
+            if self._broken is None or self._broken[0] is not problem or self._broken[1].break_times != times:
+                self._broken = problem, dataclasses.replace(problem, break_times=times)
+            return self._broken[1]
         if method == "distribute":
             raise ProblemError(
                 f"{self.name}: breaks with method = 'distribute', whose nodes are unknowns; allowed: another method"

@@ -129,6 +129,7 @@ class ProblemFunctions:
     guess_controls: Array  # (k, nu)
     guess_duration: float  # [s]
     breaks: tuple[float, ...] = ()  # in ]0, 1[, fractions of T at which a node is placed, increasing
+    break_times: tuple[float, ...] = ()  # [s] of a free T, at which a node is placed where T is later, increasing
     instants: InstantFunctions | None = None  # what is stated at given times
     clocks: tuple[str, ...] = ()  # of several phases, those that have a time of their own (see ``clocks``)
 

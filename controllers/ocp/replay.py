@@ -203,7 +203,7 @@ def judged(solution: Solution, tolerance: float) -> Solution:
             f"; it replays by intervals, miss {replay.miss:.2g}, and not in one piece, miss {replay.one_piece:.2g}: "
             "only with feedback does its control reach its end"
         )
-    crossed = not_smooth(solution)
+    crossed = not_smooth(solution, tolerance)
     if crossed:
         message += f"; not smooth inside an interval, so that J need not be the least: {', '.join(crossed)}"
     status = SolverOutcome.CONVERGED if excess or crossed else SolverOutcome.OPTIMAL

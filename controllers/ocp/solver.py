@@ -163,7 +163,8 @@ class Transcription:
             self._tie(bounds, arcs, where, x_0)
         elif self._clocks and isinstance(guess, Solution) and not self.scheme.shared:
             bounds = self._as_guessed(bounds, guess, where, x_0)
-        answer = self.solver.solve(x_0, known, bounds=bounds, plain_rows=plain_rows)
+        near = guess.cost if isinstance(guess, Solution) and guess.solves(self.problem, p) else None
+        answer = self.solver.solve(x_0, known, bounds=bounds, plain_rows=plain_rows, cost=near)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
         cost = answer.cost if self._functional is None else answer.cost - float(self._functional(answer.x, known))

@@ -237,8 +237,8 @@ def estimate(
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)
         sensors = checked_sensors(spec, mission)
-    smooths = isinstance(estimator, RecordedSmoother)
-    name = method if isinstance(method, str) else "smoother" if smooths else called("estimators", spec.name)
+    past = estimator if isinstance(estimator, RecordedSmoother) else None
+    name = method if isinstance(method, str) else "smoother" if past else called("estimators", spec.name)
     for sensor in sensors:
         _check_readings(log, sensor, name)
     readings = {sensor.name: _well_formed(log, sensor) for sensor in sensors}
@@ -249,9 +249,9 @@ def estimate(
     check = misread(mission, Recording(log.t, readings, from_each, log.quaternions))
     if not trust_units and (said := finished(check)):
         raise LogError(f"{log.source}: {said}; trust_units=True takes them as they are")
-    if smooths:
+    if past is not None:
         with raising(LogError):
-            estimator.smooth((t, _read(readings, k, t), commands[k]) for k, t in enumerate(log.t.tolist()))
+            past.smooth((t, _read(readings, k, t), commands[k]) for k, t in enumerate(log.t.tolist()))
     found_at: list[Estimate] = []
     for k, t in enumerate(log.t.tolist()):
         read = _read(readings, k, t)

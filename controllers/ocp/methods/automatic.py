@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.methods.adaptation import redistribute, solve
 from mathnavi.controllers.ocp.methods.crossing_nodes import solved_at_crossings
 from mathnavi.controllers.ocp.methods.hp import OPTIONS, TOLERANCE, hp
@@ -27,6 +28,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.structure import linear_controls
+from mathnavi.controllers.ocp.switching_surfaces import surfaces_of
 from mathnavi.interfaces.signals import Array
 
 _NODES, _ROUNDS = 60, 5  # of the redistribution
@@ -76,13 +78,17 @@ def automatic(
     check_tolerance(within)
     attempts = _Attempts(budget)
     first = attempts.tried("hp", lambda left: hp(problem, tolerance=within, options=left, **given), options or OPTIONS)
-    if first is not None and first.status is SolverOutcome.OPTIMAL:
-        return by_hp(first)
-    if first is not None and (first.status in _HOPELESS or budget.spent):
+    optimal = first is not None and first.status is SolverOutcome.OPTIMAL
+    if first is not None and (first.status in _HOPELESS or (budget.spent and not optimal)):
         return first
-    if first is not None and first.not_smooth:
+    if first is not None and not budget.spent and _needs_nodes(first):
         left = budget.left(options or OPTIONS)
-        return solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
+        placed = solved_at_crossings(first, tolerance=within, parameters=parameters, options=left, bounded=bounded)
+        improves = placed.status is SolverOutcome.OPTIMAL if optimal else placed.solved
+        if (placed.surface_nodes and improves) or (not optimal and (first.not_smooth or budget.spent)):
+            return placed
+    if first is not None and optimal:
+        return by_hp(first)
     moved = attempts.tried(
         "redistribution, residual",
         lambda left: redistribute(
@@ -96,6 +102,21 @@ def automatic(
             "hp from there", lambda left: hp(problem, tolerance=within, options=left, **better), options or OPTIONS
         )
     return attempts.best()
+
+
+def _needs_nodes(first: Solution) -> bool:
+    """True if a solution crosses jumps or kinks inside intervals, or a solver gave up where that may be why.
+
+    Kinks of tables too that bend a solution by less than its tolerance.
+    """
+    if first.not_smooth:
+        return True
+    surfaces = surfaces_of(first.problem)
+    if surfaces is None:
+        return False
+    gave_up = first.status in (SolverOutcome.LIMIT, SolverOutcome.FAILED)
+    tables = first.solved and any(each.knots for each in surfaces.every)
+    return (gave_up or tables) and any(each.inside for each in crossings(first))
 
 
 class _Attempts:

@@ -50,21 +50,25 @@ def solved_at_crossings(
         timing += found.timing
         if not found.solved:
             return _without(first, current, f"with a node at each crossing it is not solved: {found.message}")
-        current = replayed(dataclasses.replace(parts.merged(found), method="hp", timing=timing), tolerance)
+        current = dataclasses.replace(parts.merged(found), method="hp", timing=timing)
+        if parts.ends_on_surface(found):
+            continue
+        current = replayed(current, tolerance)
         if current.ok:
-            return _judged(current, verified(found, None, options, budget, bounded=bounded), bounded)
+            return _judged(current, verified(found, None, options, budget, bounded=bounded), parts.ending, bounded)
         if not current.not_smooth:
             return _without(first, current, f"with a node at each crossing it is {current.message}")
     return _without(first, current, f"in {_ROUNDS} rounds the crossings change each time")
 
 
-def _judged(current: Solution, parts: Solution, bounded: bool) -> Solution:
+def _judged(current: Solution, parts: Solution, ending: str, bounded: bool) -> Solution:
     """A solution with a node at each crossing, with the word that its parts have earned: their nodes move with it."""
-    placed = ", ".join(str(each) for each in crossings(current))
+    crossed = ", ".join(str(each) for each in crossings(current))
+    placed = ", ".join(filter(None, (crossed and f"a node where {crossed}", ending and f"its end on {ending}")))
     known = parts.status is not SolverOutcome.CONVERGED or math.isfinite(parts.cost_bound)
     error = f"J within {parts.cost_bound:.2g}" if known else "the error of J is unknown"
     error = error if bounded else "the error of J is not estimated"
-    message = f"hp, a node where {placed}; {current.message}; {error}"
+    message = f"hp, {placed}; {current.message}; {error}"
     return dataclasses.replace(current, status=parts.status, cost_bound=parts.cost_bound, message=message)
 
 

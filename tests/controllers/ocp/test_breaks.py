@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers.ocp.breaks import table_knots
 from mathnavi.controllers.ocp.grid import on_breaks, uniform
+from mathnavi.controllers.ocp.linear_tables import table_knots
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.structure import linear_controls
 from mathnavi.interfaces.errors import ProblemError

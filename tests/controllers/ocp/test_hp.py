@@ -62,7 +62,7 @@ def test_a_limit_of_a_state_has_an_arc_of_its_own() -> None:
 
 
 def ascent(thrust: str) -> OptimalControlProblem:
-    """Fastest ascent to a height of 1 with a thrust of size 2 at most, its angle or a vector: the same optimum."""
+    """Fastest ascent to a height of 1 with a thrust of 2 at most, by its angle or as a vector: one optimum."""
     ocp = OptimalControlProblem(f"ascent, {thrust}")
     y, v = ocp.state("y", guess=(0.0, 1.0)), ocp.state("v", 2, guess=[(0.0, 0.5), (1.0, 0.5)])
     if thrust == "angle":

@@ -9,9 +9,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
+from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
+from mathnavi.models.nlp_solver import NlpReport, NlpSolver
 from tests.controllers.ocp.statements import double_integrator, integrator
 
 ROUNDING = math.sin(math.pi)  # 1.2e-16
@@ -203,3 +207,25 @@ def test_limits_far_from_any_solution_do_not_cost_accuracy() -> None:
     solution = transfer(limit=1e6).solve(15)
     assert solution.status is SolverOutcome.OPTIMAL
     assert solution.cost == pytest.approx(12.0, rel=1e-6)
+
+
+def test_a_solution_on_another_mesh_says_how_large_the_cost_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """J = 12 is a millionth of what a change of u by its scale, 1e3, makes of it: solved twice, but only once more."""
+    solves: list[NlpSolver] = []
+    own = NlpSolver.solve
+
+    def counted(self: NlpSolver) -> NlpReport:
+        solves.append(self)
+        return own(self)
+
+    monkeypatch.setattr(NlpSolver, "solve", counted)
+    ocp, x, v, u = double_integrator(limit=1e4)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.end(x, 1.0)
+    ocp.end(v, 0.0)
+    problem = ocp.functions()
+    first = transcription(problem, RadauIIA(3), 11).solve()
+    assert len(solves) == 2
+    assert transcription(problem, RadauIIA(3), 13).solve(first, uniform(13)).cost == pytest.approx(12.0, rel=1e-6)
+    assert len(solves) == 3

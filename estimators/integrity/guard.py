@@ -186,6 +186,11 @@ class Guarded:
             return
         if self._k < self._next_attempt:
             return
+        if not self._begun and self._recovery is None:  # it has not found its state yet: by itself it will
+            self._state, self._message = Status.INITIALISING, "waits until its readings agree with it"
+            self._witness.clear()
+            self._snapshots = []
+            return
         self._next_attempt = self._k + self._updates(_RETRIED)
         if self._state is not Status.INITIALISING:
             self._state = Status.DEGRADED

@@ -50,7 +50,7 @@ def test_any_estimator_of_the_mission_runs_over_a_log(method: str) -> None:
     assert method in repr(found)
 
 
-@pytest.mark.honoured("sensor log", "a smoother of a Kalman filter")
+@pytest.mark.honoured("sensor log", "times, readings by sensor, inputs")
 @pytest.mark.parametrize("method", ["rts", "batch"])
 def test_a_smoother_uses_the_readings_to_come(method: Any) -> None:
     t, poses, ranges, u = driven()

@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.clocks import clocks_of
 from mathnavi.controllers.ocp.feasibility.enclosure import pinned
@@ -31,9 +32,9 @@ def starts(
     """Name and guess of at most ``count`` restarts.
 
     First the controls of the own guess, simulated; then by turns controls that are constant, that wander, those of the
-    own guess with noise, and that are bent once. A free final time is half to four times the guessed one. So is what is
-    free at the start and positive by its bounds (a duration of a phase, a mass); what else is free there, constants
-    that are unknown included, is drawn around its guess. What diverges is left out.
+    own guess with noise, and that are bent once. A free final time is half to four times the guessed one. So is an
+    unknown constant that is positive by its bounds, as the duration of a phase is; another one is drawn around its
+    guess. What diverges is left out.
     """
     tau = np.linspace(0.0, 1.0, _TIMES)
     states, controls = own.states_at(tau), own.controls_at(tau)
@@ -47,7 +48,7 @@ def starts(
     if not count:
         return
     box = pinned(problem, p, "start")
-    guessed = np.clip(states[0], box.lower, box.upper)
+    guessed, of_constants = np.clip(states[0], box.lower, box.upper), rng.spawn(1)[0]
 
     def simulation(u: Array, duration: float, start: Array) -> GuessedTrajectory | None:
         x = _simulated(problem, start, tau * duration, u, p)
@@ -73,8 +74,19 @@ def starts(
             yield kind, GuessedTrajectory(tau, x, u, duration)
             continue
         u = knots({"c": 1, "w": 5, "b": 3}[kind[0]])
-        if (found := simulation(u, duration, _drawn(guessed, box, problem.state_scale, rng))) is not None:
+        drawn = np.where(_constants(problem), _drawn(guessed, box, problem.state_scale, of_constants), guessed)
+        if (found := simulation(u, duration, drawn)) is not None:
             yield kind, found
+
+
+@lru_cache(maxsize=64)
+def _constants(problem: ProblemFunctions) -> NDArray[np.bool_]:
+    """True (nx,) for the states that are constants, of zero rates, and in no condition at the start."""
+    x, u, t, p = problem.dynamics.sx_in()
+    rates = ca.vertsplit(ca.densify(problem.dynamics(x, u, t, p)))
+    constant = np.array([rate.is_zero() for rate in rates], dtype=np.bool_)
+    constant[list(problem.initial.jac_sparsity(0, 0).get_triplet()[1])] = False
+    return constant
 
 
 def _drawn(guessed: Array, box: Interval, scale: Array, rng: np.random.Generator) -> Array:

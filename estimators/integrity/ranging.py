@@ -32,6 +32,8 @@ _WINDOWS = (0.1, 0.5, 2.0, 5.0)  # [s]
 _BRANCHED = 0.25  # [s] between two branches of dead reckoning
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
 
+Build = Callable[[RangingMission], Any]
+
 
 class PoseWitness:
     """Tests of (x, P) against ranges and odometry; the channels are the rays."""
@@ -120,37 +122,35 @@ def _without(reading: Measurement, out: frozenset[int]) -> Measurement:
 
 
 class Relocation:
-    """A bank of filters that finds the pose of a robot that is lost, from which another filter begins again."""
+    """A finder of the pose of a robot that is lost, from which another filter begins again."""
 
-    def __init__(self, mission: RangingMission, build: Callable[[RangingMission], Estimator]) -> None:
-        """``build`` makes the filter of a mission."""
-        self._mission, self._build = mission, build
-        self._bank: Estimator | None = None
+    def __init__(self, mission: RangingMission, build: Build, finder: Build) -> None:
+        """``build`` makes the filter of a mission, ``finder`` an estimator that finds an unknown pose by itself."""
+        self._mission, self._build, self._finder = mission, build, finder
+        self._finding: Estimator | None = None
 
     def found(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimator | None:
-        from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
-
-        if self._bank is None:
-            self._bank = FeasibleSetBank(FeasibleSetBankConfig(), dataclasses.replace(self._mission, start=None))
-        estimate = self._bank.update(t, measurements, command)
+        if self._finding is None:
+            self._finding = self._finder(dataclasses.replace(self._mission, start=None))
+        estimate = self._finding.update(t, measurements, command)
         P = estimate.covariance
         if estimate.status is not Status.OK or P is None:
             return None
-        self._bank = None
+        self._finding = None
         deviation = np.sqrt(P.diagonal()).tolist()
         start = KnownStart(tuple(estimate.x.tolist()), tuple(max(each, 1e-6) for each in deviation))
-        return self._build(dataclasses.replace(self._mission, start=start))
+        begun: Estimator = self._build(dataclasses.replace(self._mission, start=start))
+        return begun
 
 
-def guarded(
-    build: Callable[[RangingMission], Any], mission: RangingMission, *, by_itself: bool = False, most_out: int = 2
-) -> Guarded:
+def guarded(build: Build, mission: RangingMission, *, finder: Build | None = None, most_out: int = 2) -> Guarded:
     """The estimator that ``build`` makes of a mission, with its monitor.
 
-    ``by_itself`` is True for an estimator that finds an unknown pose by itself; of another one the first word is not
-    trusted where the start is unknown, and it begins again from a bank of filters where it is lost.
+    ``finder`` is that of a filter that does not find an unknown pose by itself: its first word is not trusted where the
+    start is unknown, and where it is lost it begins again from what the finder found.
     """
+    by_itself = finder is None
     return Guarded(
         build(mission), PoseWitness(mission), most_out=most_out, trusted=by_itself or mission.start is not None,
-        recovery=None if by_itself else Relocation(mission, build),
+        recovery=None if finder is None else Relocation(mission, build, finder),
     )  # fmt: skip

@@ -43,15 +43,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Interval, Lt
 from scipy.special import chdtri
 
-from mathnavi.estimators.integrity.guard import Guarded
-from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.bank_kernels import (
     BY_HEADING,
     MOST_SLIP,
@@ -186,9 +183,9 @@ class FeasibleSetBank:
             self._bank.score[0] = 0.0
 
     @staticmethod
-    def build(config: FeasibleSetBankConfig, mission: RangingMission) -> Guarded:
-        """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(FeasibleSetBank, config), mission, by_itself=True)
+    def build(config: FeasibleSetBankConfig, mission: RangingMission) -> FeasibleSetBank:
+        """Build the estimator of one run."""
+        return FeasibleSetBank(config, mission)
 
     @staticmethod
     def sensors(config: FeasibleSetBankConfig, mission: RangingMission) -> tuple[Sensor, ...]:

@@ -29,12 +29,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from functools import partial
+from typing import Self
 
 import numpy as np
 
-from mathnavi.estimators.integrity.guard import Guarded
-from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
@@ -72,9 +70,9 @@ class PoseFilter(ABC):
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
     @classmethod
-    def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Guarded:
-        """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(cls, config), mission)
+    def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Self:
+        """Build the estimator of one run."""
+        return cls(config, mission)
 
     @staticmethod
     def sensors(config: PoseFilterConfig, mission: RangingMission) -> tuple[Sensor, ...]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from types import SimpleNamespace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
 from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
 from mathnavi.interfaces.signals import Array, Estimate, Status
@@ -48,11 +49,16 @@ def driven(seed: int, kidnapped: bool = False) -> Drive:
     return Drive(truth, ranges + noise, np.array(inputs) + ODOMETRY * rng.standard_normal((len(truth), 2)))
 
 
-def estimates(kind: Any, drive: Drive, known: bool = True) -> list[Estimate]:
+def found_by_bank(mission: mn.RangingMission) -> FeasibleSetBank:
+    return FeasibleSetBank(FeasibleSetBank.Config(), mission)
+
+
+def estimates(kind: Any, drive: Drive, known: bool = True, alone: bool = False) -> list[Estimate]:
     start = mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)) if known else None
     ranging, odometry = mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY)
     mission = mn.RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD)
-    estimator = kind.build(kind.Config(), mission)
+    build, finder = partial(kind, kind.Config()), None if kind is FeasibleSetBank else found_by_bank
+    estimator: Any = build(mission) if alone else guarded(build, mission, finder=finder)
     found = []
     for k, (z, u) in enumerate(zip(drive.ranges, drive.odometry, strict=True)):
         t = PERIOD * (k + 1)
@@ -92,10 +98,9 @@ def offset(z: Array) -> Array:
 @pytest.mark.parametrize("kind", [RangeEkf, RangeIekf, FeasibleSetBank], ids=lambda kind: kind.__name__)
 def test_as_declared_nothing_alarms(kind: Any) -> None:
     """The words are those of the estimator alone."""
-    alone = SimpleNamespace(Config=kind.Config, build=kind)
     for seed in range(2):
         drive, known = driven(seed), kind is not FeasibleSetBank
-        found, bare = estimates(kind, drive, known), estimates(alone, drive, known)
+        found, bare = estimates(kind, drive, known), estimates(kind, drive, known, alone=True)
         assert [each.status for each in found] == [each.status for each in bare]
         assert all(each.status is Status.OK for each in found[100:])
         assert not any(each.extra["left_out"].any() for each in found)

@@ -268,10 +268,10 @@ def _runs_held(
 
 
 def _held_throughout(values: Array, multiplier: Array, bounds: tuple[float, float]) -> tuple[Integers, Integers]:
-    """Code (1,) of a constraint on controls that it holds or leaves smoothly, 0 but where it holds all the time.
+    """Code (1,) of a nonlinear constraint on controls: its limit if it is active at all points, otherwise 0.
 
-    As an inequality that holds it keeps the controls from their optimum by what the barrier is at the end, along the
-    limit as the square root of it: a thrust of full size wavers about its direction.
+    The second result, the ends of runs, is empty. As an inequality it is solved with a barrier, whose last value leaves
+    the controls uncertain along the limit by its square root: a thrust of full size wavers about its direction.
     """
     lower, upper = bounds
     extent = upper - lower if np.isfinite(upper - lower) else 1.0

@@ -67,12 +67,15 @@ class Guarded:
         trusted: bool = True,
         most_out: int = 2,
     ) -> None:
-        """Args:
-        estimator: it; its period [s] is that of the updates.
-        witness: tests of its channels.
-        recovery: how it begins again; None for an estimator that finds its state by itself.
-        trusted: True if the estimate is OK as soon as the estimator says so, False if no test may have alarmed for 2 s.
-        most_out: number of channels that may be left out together; 0 where none can be spared.
+        """Put the monitor beside an estimator.
+
+        Args:
+            estimator: the estimator; its period [s] is that of the updates.
+            witness: tests of its channels.
+            recovery: how it begins again; None for an estimator that finds its state by itself.
+            trusted: True if the estimate is OK as soon as the estimator says so, False if no test may have alarmed for
+                2 s before.
+            most_out: number of channels that may be left out together; 0 where none can be spared.
         """
         self.period = estimator.period
         self._estimator, self._witness, self._recovery = estimator, witness, recovery
@@ -90,7 +93,10 @@ class Guarded:
         self._wait = np.full(len(witness.names), self._updates(_READMITTED))
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate at t [s], with the status that holds."""
+        """Estimate at t [s] with the worse of two statuses, the estimator's and the monitor's.
+
+        ``measurements`` are the readings since the last update, ``command`` (nu,) the input held since then.
+        """
         self._k += 1
         self._past.append((t, tuple(measurements), command.copy()))
         ratio = 0.0

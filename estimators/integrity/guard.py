@@ -144,7 +144,7 @@ class Guarded:
         self._witness.clear()
         self._quiet, self._snapshots = 0, []
         if not is_plausible(estimate) and estimate.status is Status.OK:
-            self._state, self._message = Status.LOST, "is no state that can be, or has no covariance that can"
+            self._state, self._message, self._astray = Status.LOST, "is not finite, or its covariance is none", True
 
     def _calm(self) -> None:
         """No test alarms."""

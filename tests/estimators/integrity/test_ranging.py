@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -156,3 +157,38 @@ def test_the_same_readings_give_the_same_estimates_bit_for_bit() -> None:
     drive.ranges[FIRST:LAST, 0] = 0.3
     one, other = (estimates(RangeEkf, drive) for _ in range(2))
     assert all((a.x == b.x).all() and a.status is b.status for a, b in zip(one, other, strict=True))
+
+
+def test_an_estimate_that_is_not_finite_is_lost_and_begins_again() -> None:
+    class Broken(RangeEkf):
+        """A filter whose covariance is lost after its tenth reading."""
+
+        count = 0
+
+        def update(self, *given: Any) -> Estimate:
+            estimate, self.count = super().update(*given), self.count + 1
+            broken = estimate.covariance is not None and 10 < self.count < 1000
+            return replace(estimate, covariance=np.full((3, 3), math.nan)) if broken else estimate
+
+    class Sound(Broken):
+        count = 1000
+
+    drive, made = driven(3), list[RangeEkf]()
+
+    def build(mission: mn.RangingMission) -> RangeEkf:
+        made.append((Sound if made else Broken)(RangeEkf.Config(), mission))
+        return made[-1]
+
+    start = mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05))
+    ranging, odometry = mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY)
+    guard = guarded(
+        build, mn.RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD), finder=found_by_bank
+    )
+    found = []
+    for k, (z, u) in enumerate(zip(drive.ranges, drive.odometry, strict=True)):
+        t = PERIOD * (k + 1)
+        found.append(guard.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u))
+    assert all(each.status is not Status.OK for each in found if not np.isfinite(each.covariance).all())
+    assert any(each.status is Status.LOST for each in found)
+    assert len(made) == 2
+    assert found[-1].status is Status.OK

@@ -110,10 +110,16 @@ def explanation(
 
 
 def _agreement(replay: Replay, past: Sequence[Reading], out: frozenset[int], new: frozenset[int]) -> float | None:
-    """Worst ratio of a replay; None where a test alarms, or a channel that is newly left out is not contradicted."""
+    """Worst ratio of a replay; None where a test alarms, or a channel that is newly left out is not contradicted.
+
+    An estimator that fails without these channels explains nothing.
+    """
     worst, against, used = 0.0, dict.fromkeys(new, 0.0), replay.used(out)
     for each in past:
-        estimate = replay.advance(*each, out)
+        try:
+            estimate = replay.advance(*each, out)
+        except (ArithmeticError, ValueError):  # LinAlgError is a ValueError
+            return None
         if estimate.status is not Status.OK or not is_plausible(estimate):
             return None
         ratio = replay.witness.worst(used).ratio

@@ -192,3 +192,23 @@ def test_an_estimate_that_is_not_finite_is_lost_and_begins_again() -> None:
     assert any(each.status is Status.LOST for each in found)
     assert len(made) == 2
     assert found[-1].status is Status.OK
+
+
+def test_an_estimator_that_fails_without_a_ray_explains_nothing_and_goes_on() -> None:
+    class Needy(RangeEkf):
+        """A filter that needs the first ray."""
+
+        def update(self, t: float, measurements: Any, command: Array) -> Estimate:
+            if np.isnan(measurements[0].value[0]):
+                raise np.linalg.LinAlgError("singular")
+            return super().update(t, measurements, command)
+
+    drive = driven(3)
+    drive.ranges[FIRST:LAST, 2] = 0.3
+    named = [np.flatnonzero(each.extra["left_out"]).tolist() for each in estimates(Needy, drive)]
+    assert named[(FIRST + LAST) // 2] == [2]
+    drive = driven(3)
+    drive.ranges[FIRST:LAST, 0] = 0.3
+    found = estimates(Needy, drive)
+    assert not any(each.extra["left_out"][0] for each in found)
+    assert sure_and_wrong(found, drive) == 0.0

@@ -22,6 +22,18 @@ def integrator(
     return ocp, x, u
 
 
+def two_costs() -> tuple[OptimalControlProblem, ca.SX]:
+    """x' = u from -1 to 1 in 2 s, u^2 three times as dear beyond 0.1: a jump of the cost that J crosses; with x."""
+    ocp = OptimalControlProblem("two costs")
+    x, u = ocp.state("x", guess=(-1.0, 1.0)), ocp.control("u")
+    ocp.duration(2.0)
+    ocp.dynamics(x, u)
+    ocp.minimise(running=ca.if_else(x > 0.1, 3.0, 1.0) * u**2)
+    ocp.start(x, -1.0)
+    ocp.end(x, 1.0)
+    return ocp, x
+
+
 def double_integrator(
     name: str = "double integrator", limit: float = math.inf, **state: Any
 ) -> tuple[OptimalControlProblem, ca.SX, ca.SX, ca.SX]:

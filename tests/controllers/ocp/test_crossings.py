@@ -15,6 +15,7 @@ from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
+from tests.controllers.ocp.statements import two_costs
 
 Expression = Callable[[ca.SX], ca.SX]
 
@@ -188,13 +189,7 @@ def test_where_no_node_can_be_placed_the_reason_is_said() -> None:
 
 def test_the_error_of_the_cost_at_crossings_is_bounded_where_it_is_asked_for() -> None:
     def solved(verify: bool | None) -> Solution:
-        ocp = OptimalControlProblem("two costs")
-        x, u = ocp.state("x", guess=(-1.0, 1.0)), ocp.control("u")
-        ocp.duration(2.0)
-        ocp.dynamics(x, u)
-        ocp.minimise(running=ca.if_else(x > 0.1, 3.0, 1.0) * u**2)
-        ocp.start(x, -1.0)
-        ocp.end(x, 1.0)
+        ocp, _ = two_costs()
         return ocp.solve(verify=verify)
 
     bounded, quick = solved(None), solved(False)

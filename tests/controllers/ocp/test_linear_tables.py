@@ -19,6 +19,7 @@ from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.switching_surfaces import SwitchingSurface, branched, surfaces_of
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
+from tests.controllers.ocp.statements import two_costs
 
 KNOTS, ROWS = np.array([0.0, 1.0, 2.5, 4.0]), np.array([0.0, 1.0, 3.0])
 LINE = ca.interpolant("line", "linear", [KNOTS], np.array([0.0, 1.0, 3.0, 3.5]))
@@ -330,13 +331,7 @@ def test_break_times_that_cannot_be_held_are_refused(wrong: dict[str, object], n
 
 
 def test_what_is_stated_at_a_time_holds_beside_a_crossing() -> None:
-    ocp = OptimalControlProblem("two costs")
-    x, u = ocp.state("x", guess=(-1.0, 1.0)), ocp.control("u")
-    ocp.duration(2.0)
-    ocp.dynamics(x, u)
-    ocp.minimise(running=ca.if_else(x > 0.1, 3.0, 1.0) * u**2)
-    ocp.start(x, -1.0)
-    ocp.end(x, 1.0)
+    ocp, x = two_costs()
     ocp.at(0.7).minimise(40.0 * (x + 0.9) ** 2)
     ocp.at(1.9).constrain(x <= 0.85, name="late")
     found = ocp.solve()

@@ -135,7 +135,7 @@ class Guarded:
         )  # fmt: skip
 
     def _not_ok(self, estimate: Estimate) -> None:
-        """What follows from an estimate that the estimator itself does not call OK, or that cannot be."""
+        """Decide on an estimate that the estimator itself does not call OK, or that is impossible."""
         waits = estimate.status in (Status.DEGRADED, Status.LOST) and is_plausible(estimate)
         if self._begun and self._snapshots and not waits:  # it has given up what it knew: by a fault?
             if self._k >= self._next_attempt:
@@ -147,7 +147,7 @@ class Guarded:
             self._state, self._message, self._astray = Status.LOST, "is not finite, or its covariance is none", True
 
     def _calm(self) -> None:
-        """No test alarms."""
+        """Count an update without an alarm: settle, readmit channels, keep a copy."""
         self._quiet += 1
         self._begun = self._begun or self._quiet >= self._updates(_SETTLED)
         if self._quiet >= self._updates(_RETRIED):
@@ -185,7 +185,7 @@ class Guarded:
                 self._message = self._left_out() if self._out else f"uses {self._witness.names[i]} again"
 
     def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
-        """A test alarms: explain it by channels that are left out, by more noise, or be lost."""
+        """Explain an alarm by channels that are left out or by more noise; without an explanation the estimate is lost."""
         self._quiet = 0
         if self._state is Status.LOST:
             self._astray = True

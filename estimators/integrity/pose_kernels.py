@@ -173,7 +173,7 @@ class Repeats(NamedTuple):
 
 
 def no_repeats(rays: int) -> Repeats:
-    """Before the first reading."""
+    """Repeats before the first reading of each ray."""
     last, first, now = np.full((3, rays), np.nan)
     return Repeats(last, first, now, np.zeros(rays, np.int64))
 

@@ -1,4 +1,4 @@
-"""What a monitor knows of the readings of an estimator: its channels, and what each update says of them."""
+"""Protocols between the monitor and an estimator: the tests of its channels, and its restart once it is lost."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Witness(Protocol):
 
 
 class Recovery(Protocol):
-    """How an estimator that is lost begins again."""
+    """Restart of an estimator that is lost."""
 
     def found(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimator | None:
         """Take the readings of t [s]; a new estimator once the state is known again, until then None."""

@@ -131,7 +131,7 @@ def test_restarts_are_the_same_each_time() -> None:
 
 
 def test_no_two_restarts_of_a_problem_without_controls_are_the_same() -> None:
-    """What they vary is what is free: the unknown rate, whose guess of 0 is stationary, and the start of a mass."""
+    """They vary the unknown rate, whose guess of 0 is stationary, and the constant mass."""
     ocp = OptimalControlProblem("growth")
     x, rate, mass = ocp.state("x"), ocp.unknown("rate"), ocp.state("mass", lower=0.5, upper=8.0, guess=2.0)
     ocp.dynamics(x, rate**2)

@@ -228,7 +228,7 @@ class _Sides:
         return False if (kink[counts] > _KINK * self._steepness[counts]).any() else None
 
     def bend(self, time: float) -> float:
-        """Largest bend of a state, J or a path constraint, over its size, by a kink at a time [s] inside an interval."""
+        """Largest bend of a state, J or a path constraint, over its size, by a kink at a time [s] in an interval."""
         s, problem, nx = self._solution, self._solution.problem, self._solution.problem.nx
         i = int(np.clip(np.searchsorted(s.t, time) - 1, 0, s.nodes - 2))
         h = float(s.t[i + 1] - s.t[i])

@@ -185,7 +185,7 @@ class Guarded:
                 self._message = self._left_out() if self._out else f"uses {self._witness.names[i]} again"
 
     def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
-        """Explain an alarm by channels that are left out or by more noise; without an explanation the estimate is lost."""
+        """Explain an alarm by channels that are left out or by more noise; else the estimate is lost."""
         self._quiet = 0
         if self._state is Status.LOST:
             self._astray = True

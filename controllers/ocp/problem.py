@@ -453,7 +453,7 @@ class OptimalControlProblem:
                 "auto": their message says that the error of J is not estimated.
             starts: number k of guesses, the stated one and k - 1 others, simulated under other controls or perturbed
                 by draws of a fixed seed, that are solved on a coarse mesh; the lowest is solved by the method, and the
-                message says what each found. None: 2 where the error of J is bounded, otherwise 1. The minimum that is
+                message says what each found. None: 3 where the error of J is bounded, otherwise 1. The minimum that is
                 returned is a local one, lower than those of the other starts.
 
         Returns:

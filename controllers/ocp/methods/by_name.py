@@ -21,7 +21,7 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.controllers.ocp.verification.other_starts import OtherStarts
+from mathnavi.controllers.ocp.verification.other_starts import STARTS, OtherStarts
 from mathnavi.controllers.ocp.verification.verified import verified
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
@@ -77,7 +77,8 @@ def solve_by(
         replay: False for one solve on a given number of nodes that is not replayed, and at best CONVERGED.
         verify: True to bound the error of J on two finer meshes; False for the second-order condition alone; None for
             the bound with every method but "direct" (and "auto" on a given number of nodes).
-        starts: number of guesses that the problem is solved from; None for two where the error of J is bounded.
+        starts: number of guesses that the problem is solved from; None for ``STARTS`` where the error of J is bounded,
+            else one.
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused. It is
@@ -121,7 +122,7 @@ def solve_by(
         return by_hp(better) if method == "auto" else better
 
     bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
-    count = (2 if bounded else 1) if starts is None else starts
+    count = (STARTS if bounded else 1) if starts is None else starts
     own = problem.guess if guess is None else sampled(guess)
     others = OtherStarts(count - 1, own, (lambda start: again(start, None)) if adaptive else chosen)
     return verified(

@@ -47,7 +47,9 @@ def free_flying_robot() -> ProblemFunctions:
             x'' = (F1 + F2) cos θ,   y'' = (F1 + F2) sin θ,   θ'' = 0.2 F1 - 0.2 F2,   F1 = u1 - u2,   F2 = u3 - u4,
             u >= 0,   u1 + u2 <= 1,   u3 + u4 <= 1,   (-10, -10, π/2) at rest to 0 at rest
 
-    Thrusters are on or off, with eight switchings: J* = 7.9101471. 7.910155 is often seen, of a grid too coarse.
+    The minimum of the literature has thrusters that are on or off, with eight switchings: J = 7.9101471 (7.910155 is
+    often seen, of a grid too coarse). A lower one, J* = 7.6886191, fires them in another order and has a singular arc
+    of u4 of 0.58 s; with x and y exchanged, and the thrusters with them, it is another of the same J.
     """
     ARM = 0.2
     ocp = OptimalControlProblem("free-flying robot")

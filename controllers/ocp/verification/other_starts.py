@@ -27,6 +27,8 @@ from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 
+STARTS = 3
+"""number of starts, the own one and others, where the error of J is bounded"""
 _SEED = 0
 _NODES, _POINTS = 21, 3
 _ITERATIONS, _SECONDS = 100, 5.0  # of a start

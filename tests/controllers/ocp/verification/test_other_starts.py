@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.methods.by_name import solve_by
 from mathnavi.controllers.ocp.phases import MultiPhaseProblem
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import SolverOutcome
+from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.verification.other_starts import STARTS, OtherStarts, minima
 from mathnavi.interfaces.errors import ProblemError
 
 
@@ -58,6 +61,16 @@ def test_the_straight_guess_of_the_literature_leads_to_a_swing_that_is_not_the_l
     assert found.status is SolverOutcome.OPTIMAL
     assert found.cost == pytest.approx(57.94478, rel=1e-6)
     assert "from another start than J = 58.80767" in found.message
+
+
+def test_the_eight_switchings_of_the_literature_are_not_the_lowest_minimum_of_a_robot_that_floats() -> None:
+    """J = 7.9101471 is that of the literature; 7.6886191, with a singular arc, is lower on a coarse mesh too."""
+    problem = PROBLEMS["free-flying robot"].problem()
+    known = solve_by(problem, None, "hp", None, guess=None, parameters=problem.nominal, starts=1)
+    assert known.cost == pytest.approx(7.9101471, rel=1e-6)
+    others = OtherStarts(STARTS - 1, problem.guess, lambda start: start)
+    found = minima(known, others, 1.0, Options(), Budget(Options()))
+    assert min(found.costs) == pytest.approx(7.6886, rel=5e-3)
 
 
 @pytest.mark.parametrize("starts", [0, True, 2.0, "3"])

@@ -13,8 +13,12 @@ by how much, and the estimate is lost once the velocity's standard deviation exc
 last one is held, and trusted less and less. What a gap that is longer than declared leaves unknown of position and
 heading is never found again: the estimate stays DEGRADED.
 
-Biases of the IMU are not estimated. Another plug-in estimates the joints' velocities; it gets the estimated pose of the
-base as if it had been read.
+The IMU's biases are states where their standard deviations are given. A base that begins at rest reads those of its
+gyro (see ``rest``). While a foot stands, the velocity shows the gyro's about the horizontal axes and the
+accelerometer's along the vertical, and along the horizontal axes once the base has turned; the gyro's about the
+vertical shows at rest alone.
+
+Another plug-in estimates the joints' velocities; it gets the estimated pose of the base as if it had been read.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.invariant import strapdown
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
+from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import Strapdown
 from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
@@ -35,7 +40,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.momentum import MomentumObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
-from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.bounds import NonNegative, Positive, Probability, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -84,6 +89,10 @@ class FloatingBaseIekfConfig:
     """standard deviation of the base's initial velocity, along each axis [m/s]"""
     start_position: Positive = 0.01
     """standard deviation of the base's initial position, along each axis [m]"""
+    gyro_bias: NonNegative = 0.0
+    """standard deviation of the gyro's bias about each axis [rad/s]; 0 for a gyro without"""
+    accelerometer_bias: NonNegative = 0.0
+    """standard deviation of the accelerometer's bias along each axis [m/s^2]; 0 for one without"""
     slip: Positive = 0.05
     """standard deviation of the velocity of a foot that stands, along each axis [m/s]"""
     gate: Probability = 1e-4
@@ -116,7 +125,10 @@ class FloatingBaseIekf:
         )
         starts = (config.start_attitude, config.start_velocity, config.start_position)
         P = np.diag(np.repeat(np.square(starts), 3))
-        self._strapdown = Strapdown(X, P, self._base.mounting.T @ omega, self._base.gravity, noise)
+        biases = (config.gyro_bias, config.accelerometer_bias)
+        self._strapdown = Strapdown(X, P, self._base.mounting.T @ omega, self._base.gravity, noise, biases)
+        at_rest = self._strapdown.has_biases and not x[nq:].any()
+        self._rest = Rest(noise, float(np.linalg.norm(self._base.gravity))) if at_rest else None
         self._joints = x[JOINT_POSITIONS.start : nq].copy()
         self._observer: PositionObserver | None = None
         if self._base.has_joints:
@@ -160,7 +172,8 @@ class FloatingBaseIekf:
         """Estimate (nq + nv,) at t [s]; ``command`` (nu,) was held since the last call.
 
         ``extra`` has ``base_deviation`` (9,), standard deviations of the attitude about the IMU's axes [rad], of its
-        velocity [m/s] and of its position [m] along those of the world, ``standing`` (k,), 1 for each foot whose
+        velocity [m/s] and of its position [m] along those of the world, the IMU's ``bias`` (6,) [rad/s, m/s^2] with
+        its ``bias_deviation`` (6,), ``standing`` (k,), 1 for each foot whose
         velocity was used, and the extra arrays of the joints' observer. It also counts the readings that were not used;
         a standing foot that slides counts as an outlier.
         """
@@ -171,7 +184,7 @@ class FloatingBaseIekf:
         for reading in sorted(known, key=lambda each: (each.t, order[each.name])):
             if reading.name == IMU:
                 self._hold(reading.t)
-                self._strapdown.propagate(reading.t, reading.value)
+                self._propagate(reading)
                 self._imu.note(reading.t)
             elif reading.name == JOINTS:
                 self._joints = reading.value
@@ -191,6 +204,7 @@ class FloatingBaseIekf:
         if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
             status = worst(status, Status.LOST)
         extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
+        extra |= {"bias": self._strapdown.bias.copy(), "bias_deviation": self._strapdown.bias_deviation}
         return Estimate(t, self._state(), None, status, extra, message or waiting(status, "IMU readings"))
 
     def _is_known(self, reading: Measurement, order: Mapping[str, int]) -> bool:
@@ -205,6 +219,16 @@ class FloatingBaseIekf:
         if reason is not None:
             self._counts.add(reason)
         return reason is None
+
+    def _propagate(self, reading: Measurement) -> None:
+        """Propagate by a reading of the IMU, and condition on it while the base has not moved yet."""
+        own = self._strapdown
+        h = 0.0 if own.t is None else reading.t - own.t
+        own.propagate(reading.t, reading.value)
+        if self._rest is not None:
+            self._rest.take(reading.t, reading.value)
+            if self._rest.seen and h > TIME_TOLERANCE:
+                self._rest.hold(own, reading.value, h)
 
     def _hold(self, t: float) -> None:
         """Propagate to t [s] by the last reading of the IMU once it is older than declared."""
@@ -252,7 +276,11 @@ class FloatingBaseIekf:
             mujoco.mj_jac(model, data, J, None, place, int(model.site_bodyid[site]))
             z = base.mounting.T @ (cross(omega, base.offset - place) - J[:, JOINT_RATES] @ self._joint_rates)
             body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
-            H = np.hstack([SO3.bracket(body_velocity), np.eye(3), np.zeros((3, 3))])
+            H = np.zeros((3, len(self._strapdown.P)))
+            H[:, strapdown.TURN], H[:, strapdown.SPEED] = SO3.bracket(body_velocity), np.eye(3)
+            if self._strapdown.has_biases:  # the rate by which the foot's velocity is found has the gyro's
+                arm = SO3.bracket(base.mounting.T @ (base.offset - place))
+                H[:, strapdown.BIAS] = np.hstack([-arm, np.zeros((3, 3))])
             d, P, nis = condition(self._strapdown.P, H, z - body_velocity, variance * np.eye(3))
             if nis <= self._limit:
                 self._strapdown.correct(d, P)

@@ -14,8 +14,13 @@ first order.
 While IMU readings are missing the estimate is propagated by the vehicle's declared motion under its input, with the
 declared gusts as its noise; without an input, as in a log of sensors alone, by the last reading, which is trusted less
 and less. After a gap that is longer than declared it is DEGRADED until it has converged again; without fixes it is
-LOST. The IMU's biases are not modelled. A rotation about the vertical shows in the fixes only
-while the vehicle accelerates sideways; the initial heading is the mission's.
+LOST. A rotation about the vertical shows in the fixes only while the vehicle accelerates sideways; the initial heading
+is the mission's.
+
+The IMU's biases are states where the mission declares their standard deviations. At rest, from the first reading until
+the vehicle moves, the gyro reads its own (see ``rest``). In flight the fixes show the gyro's bias about the horizontal
+axes and the accelerometer's along the vertical; the gyro's about the vertical while the vehicle accelerates sideways;
+and the accelerometer's along the horizontal axes, which act as a tilt does, only once the vehicle has turned.
 """
 
 from __future__ import annotations
@@ -28,11 +33,13 @@ from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
+from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
 from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -46,7 +53,6 @@ from mathnavi.models.quaternion import rotation
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
-_H = np.eye(3, 9, 6)  # a fix reads the position
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
 
 
@@ -65,7 +71,8 @@ class InertialIekfConfig:
     start_attitude: Positive | None = None
     """standard deviation of the initial attitude about each axis [rad]; that of the stationary filter if not given"""
     start_velocity: Positive | None = None
-    """standard deviation of the initial velocity on each axis [m/s]; that of the stationary filter if not given"""
+    """standard deviation of the initial velocity on each axis [m/s]; that of the stationary filter, of a vehicle that
+    begins at rest, if not given"""
 
 
 class InertialIekf:
@@ -85,7 +92,11 @@ class InertialIekf:
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
         self._gravity = np.array([0.0, 0.0, -mission.vehicle.gravity])
         noise = (imu.gyro, imu.accelerometer)
-        self._strapdown = Strapdown(X, _first(config, mission), x[RATE], self._gravity, noise)
+        biases = (imu.gyro_bias, imu.accelerometer_bias)
+        self._strapdown = Strapdown(X, _first(config, mission), x[RATE], self._gravity, noise, biases)
+        at_rest = self._strapdown.has_biases and config.start_velocity is None
+        self._rest = Rest(noise, mission.vehicle.gravity) if at_rest else None
+        self._H = np.eye(3, len(self._strapdown.P), 6)  # a fix reads the position
 
     @staticmethod
     def build(config: InertialIekfConfig, mission: QuadrotorMission) -> InertialIekf:
@@ -101,8 +112,15 @@ class InertialIekf:
     def quality(config: InertialIekfConfig, mission: QuadrotorMission) -> EstimateQuality:
         """Quality of the stationary filter in hover, along any axis; the gust is not estimated.
 
-        The covariance is that just before a fix; each fix changes the estimate with covariance K S K'.
+        The covariance is that just before a fix; each fix changes the estimate with covariance K S K'. Raises
+        FieldError for an IMU with declared biases: in hover nothing bounds the heading, nor what it does to a later
+        acceleration.
         """
+        if mission.inertial.has_biases:
+            raise FieldError(
+                f"inertial = {mission.inertial}; allowed where plans are certified from the estimates: biases of 0, "
+                "for the heading of a vehicle that hovers is not bounded"
+            )
         interval, before, R = _stationary(config, mission)
         correction = np.outer(before[:2, 0], before[:2, 0]) / ((before[0, 0] + R) * interval)
         error, driving = np.zeros((3, 3)), EstimateQuality.exact(mission.flight.gust).driving
@@ -122,7 +140,8 @@ class InertialIekf:
         """Estimate of the point mass (6,) [m, m/s] at t [s]; ``command`` (4,) [N] was held since the last call.
 
         ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, the standard deviations
-        ``attitude_deviation`` (3,) [rad] about its axes, and ``nis`` (2,) of the newest fix with its number of
+        ``attitude_deviation`` (3,) [rad] about its axes, the IMU's ``bias`` (6,) [rad/s, m/s^2] with its
+        ``bias_deviation`` (6,), and ``nis`` (2,) of the newest fix with its number of
         components, NaN if none was used. It also counts the readings that were not used.
         """
         nis = np.full(2, np.nan)
@@ -135,14 +154,16 @@ class InertialIekf:
             elif reading.name == "imu":
                 if reading.t - strapdown.t > self._imu.longest:
                     self._coast(reading.t, command)
-                self._strapdown.propagate(reading.t, reading.value)
+                h = reading.t - strapdown.t
+                strapdown.propagate(reading.t, reading.value)
+                self._stand(reading, h)
                 self._imu.note(reading.t)
             else:
                 self._coast(reading.t, command)
                 nis = self._fix(reading)
         self._coast(t, command)
         R = strapdown.X[:3, :3]
-        axes = np.zeros((6, 9))
+        axes = np.zeros((6, len(strapdown.P)))
         axes[:3, PLACE], axes[3:, SPEED] = R, R
         P = axes @ strapdown.P @ axes.T
         extra = {
@@ -150,6 +171,8 @@ class InertialIekf:
             "rate": strapdown.rate.copy(),
             "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
             "nis": nis,
+            "bias": strapdown.bias.copy(),
+            "bias_deviation": strapdown.bias_deviation,
             **self._counts.extra,
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
@@ -185,14 +208,21 @@ class InertialIekf:
         effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
         gust = self._mission.flight.gust
         variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
-        strapdown.X, strapdown.P = moved, A @ strapdown.P @ A.T + variance * effect @ effect.T
+        strapdown.carry(moved, A, variance * effect @ effect.T, dt)
         strapdown.rate, strapdown.t = after[RATE].copy(), t
+
+    def _stand(self, reading: Measurement, h: float) -> None:
+        """Condition on an IMU reading, h [s] after the one before, of a vehicle that has not moved yet."""
+        if self._rest is not None:
+            self._rest.take(reading.t, reading.value)
+            if self._rest.seen and h > TIME_TOLERANCE:
+                self._rest.hold(self._strapdown, reading.value, h)
 
     def _fix(self, reading: Measurement) -> Array:
         """Condition on a fix; return NIS and its number of components, NaN if the fix was refused."""
         X = self._strapdown.X
         nu = X[:3, :3].T @ (reading.value - X[:3, 4])
-        d, P, nis = condition(self._strapdown.P, _H, nu, self._R)
+        d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)

@@ -1,4 +1,13 @@
-"""Strapdown navigation by an IMU with the covariance of the left-invariant error on SE_2(3), see ``inertial``."""
+"""Strapdown navigation by an IMU with the covariance of the left-invariant error on SE_2(3), see ``inertial``.
+
+An IMU reads omega + b_g + n_g and f + b_a + n_a. Its biases b are states too where they are declared: the filter
+propagates by its readings less b^, and of X = X^ Exp(xi), b = b^ + beta, over dt,
+
+    xi <- A xi - G beta,      beta <- beta + w,      w of variance sigma_b^2 dt / (1 h),
+
+G the effect of a constant error of a reading (the imperfect invariant filter; A. Barrau, thesis, Mines ParisTech 2015,
+5.3). Without declared biases beta is no state.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +21,11 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 TURN, SPEED, PLACE = slice(0, 3), slice(3, 6), slice(6, 9)
 """components of xi: attitude [rad], velocity [m/s] and position [m]"""
+BIAS = slice(9, 15)
+"""components of xi where biases are declared: of the gyro [rad/s] and of the accelerometer [m/s^2]"""
+
+WALK = 3600.0
+"""time [s] in which a bias changes by its declared standard deviation"""
 
 _CHANGE = 0.5  # [s] in which a vehicle may change its acceleration and its rate of turn altogether
 _TURN_RATE = 1.0  # [rad/s]
@@ -20,11 +34,31 @@ _LEAST_GYRO, _LEAST_FORCE = 1e-4, 1e-3  # [rad/s, m/s^2] least that are assumed 
 
 
 class Strapdown:
-    """The element X = (R, v, p) (5, 5) of an IMU, its rate (3,) [rad/s], and P (9, 9) of xi, X = X^ Exp(xi)."""
+    """The element X = (R, v, p) (5, 5) of an IMU, its rate (3,) [rad/s], its biases, and P of xi, X = X^ Exp(xi).
 
-    def __init__(self, X: Array, P: Array, rate: Array, gravity: Array, deviations: tuple[float, float]) -> None:
-        """``gravity`` (3,) [m/s^2] is the acceleration of free fall, ``deviations`` [rad/s, m/s^2] are the IMU's."""
+    P is (9, 9), or (15, 15) with biases.
+    """
+
+    def __init__(
+        self,
+        X: Array,
+        P: Array,
+        rate: Array,
+        gravity: Array,
+        deviations: tuple[float, float],
+        biases: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Start from X with P (9, 9).
+
+        ``gravity`` (3,) [m/s^2] is the acceleration of free fall, ``deviations`` [rad/s, m/s^2] are those of the IMU's
+        readings and ``biases`` those of their biases about or along each axis.
+        """
+        self.bias = np.zeros(6)  # [rad/s, m/s^2]
+        self._walk = np.repeat(np.square(biases), 3) / WALK if any(biases) else np.empty(0)
         self.X, self.P, self.rate = X, P, rate.copy()
+        if any(biases):
+            self.P = np.zeros((15, 15))
+            self.P[:9, :9], self.P[BIAS, BIAS] = P, np.diag(np.repeat(np.square(biases), 3))
         self.t: float | None = None  # [s] of X; None before the first call
         self._force: Array | None = None  # (3,) [m/s^2] of the last reading
         self._read = 0.0  # [s] of it
@@ -33,7 +67,7 @@ class Strapdown:
 
     def propagate(self, t: float, reading: Array) -> None:
         """Propagate to t [s] by a reading (6,) of the IMU there; the first one only sets the time and the rate."""
-        gyro, force = reading[:3], reading[3:]
+        gyro, force = reading[:3] - self.bias[:3], reading[3:] - self.bias[3:]
         dt, rate = 0.0 if self.t is None else t - self.t, 0.5 * (self.rate + gyro)
         self.t, self.rate, self._force, self._read = t, gyro.copy(), force.copy(), t
         if dt > TIME_TOLERANCE:
@@ -65,11 +99,37 @@ class Strapdown:
         G = np.zeros((9, 6))
         G[TURN, :3] = dt * SO3.right_jacobian(dt * rate)
         G[SPEED, 3:], G[PLACE, 3:] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
-        self.X, self.P = moved, A @ self.P @ A.T + G * variances @ G.T
+        self.carry(moved, A, G * variances @ G.T, dt, G)
+
+    def carry(self, moved: Array, A: Array, noise: Array, dt: float, G: Array | None = None) -> None:
+        """Go on to X = ``moved`` (5, 5) dt [s] later, with xi <- A xi and a noise of a covariance (9, 9).
+
+        ``G`` (9, 6) is the effect of a constant error of the IMU's readings; None where none were used.
+        """
+        if self._walk.size:
+            effect = np.zeros((9, 6)) if G is None else G
+            A, own = np.block([[A, -effect], [np.zeros((6, 9)), np.eye(6)]]), noise
+            noise = np.diag(np.concatenate([np.zeros(9), dt * self._walk]))
+            noise[:9, :9] = own
+        self.X, self.P = moved, A @ self.P @ A.T + noise
 
     def correct(self, d: Array, P: Array) -> None:
-        """Correct X by an error d (9,), after which the covariance is P (9, 9)."""
-        self.X, self.P = self.X @ SE23.exp(d), P
+        """Correct X and the biases by an error d (9,) or (15,), after which the covariance is P."""
+        self.X, self.P = self.X @ SE23.exp(d[:9]), P
+        if self._walk.size:
+            self.bias = self.bias + d[BIAS]
+            self.rate = self.rate - d[BIAS][:3]
+
+    @property
+    def has_biases(self) -> bool:
+        """True if the biases are states."""
+        return bool(self._walk.size)
+
+    @property
+    def bias_deviation(self) -> Array:
+        """Standard deviations (6,) [rad/s, m/s^2] of the biases; 0 where none is declared."""
+        deviation: Array = np.sqrt(np.diag(self.P)[BIAS]) if self._walk.size else np.zeros(6)
+        return deviation
 
 
 def trusted(deviations: tuple[float, float]) -> tuple[float, float]:

@@ -58,10 +58,17 @@ class QuadrotorStateSensor:
 
 @configuration
 class InertialQuality:
-    """Declared noise of an inertial measurement unit, of each reading about or along each axis."""
+    """Declared errors of an inertial measurement unit about or along each axis, as standard deviations."""
 
-    gyro: NonNegative = 0.005  # [rad/s] standard deviation
-    accelerometer: NonNegative = 0.05  # [m/s^2] standard deviation
+    gyro: NonNegative = 0.005  # [rad/s] of each reading
+    accelerometer: NonNegative = 0.05  # [m/s^2] of each reading
+    gyro_bias: NonNegative = 0.0  # [rad/s] of what all readings have in common
+    accelerometer_bias: NonNegative = 0.0  # [m/s^2] likewise
+
+    @property
+    def has_biases(self) -> bool:
+        """True if biases are declared."""
+        return self.gyro_bias > 0.0 or self.accelerometer_bias > 0.0
 
 
 NOMINAL_IMU = InertialQuality()
@@ -71,12 +78,13 @@ NOMINAL_IMU = InertialQuality()
 class InertialSensor:
     """IMU: body rate (3,) [rad/s] and specific force (3,) [m/s^2] in the body frame.
 
-    omega + n_g and R' (a + g e_z) + n_a, a being the acceleration over the last tick, gusts included.
+    omega + b_g + n_g and R' (a + g e_z) + b_a + n_a, a being the acceleration over the last tick, gusts included.
     """
 
     quality: InertialQuality = NOMINAL_IMU
     gravity: NonNegative = NOMINAL.gravity  # [m/s^2] g
     rate: float | None = 1.0 / TICK  # [Hz]
+    bias: tuple[float, ...] = (0.0,) * 6  # [rad/s, m/s^2] b_g and b_a
     name: str = "imu"
     size: int = 6
 
@@ -85,7 +93,8 @@ class InertialSensor:
         x, n = motion.x, rng.standard_normal(6)
         force = motion.acceleration[:3] + np.array([0.0, 0.0, self.gravity])
         gyro = x[RATE] + self.quality.gyro * n[:3]
-        return np.concatenate([gyro, rotation(x[ATTITUDE]).T @ force + self.quality.accelerometer * n[3:]])
+        read = np.concatenate([gyro, rotation(x[ATTITUDE]).T @ force + self.quality.accelerometer * n[3:]])
+        return read + np.array(self.bias)
 
 
 @dataclass(frozen=True, eq=False)

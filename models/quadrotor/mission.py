@@ -93,8 +93,9 @@ class InertialSensor:
         x, n = motion.x, rng.standard_normal(6)
         force = motion.acceleration[:3] + np.array([0.0, 0.0, self.gravity])
         gyro = x[RATE] + self.quality.gyro * n[:3]
-        read = np.concatenate([gyro, rotation(x[ATTITUDE]).T @ force + self.quality.accelerometer * n[3:]])
-        return read + np.array(self.bias)
+        read: Array = np.concatenate([gyro, rotation(x[ATTITUDE]).T @ force + self.quality.accelerometer * n[3:]])
+        read += np.array(self.bias)
+        return read
 
 
 @dataclass(frozen=True, eq=False)

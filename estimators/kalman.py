@@ -18,13 +18,13 @@ A gust vector clipped to a length has a smaller variance than its rms says; the 
 The filter watches the normalised innovations nu' S^-1 nu of its fixes, chi-squared with three degrees of freedom while
 gusts and noise are what the mission declares. A very unlikely fix is an outlier and is not used, unless many follow
 each other: then the filter is wrong. If the last fixes together are unlikely, the gusts or the noise are stronger than
-declared, and the covariance of the estimate is that of the filter, scaled up accordingly.
+declared, or the fixes are not of their time: the estimate is DEGRADED, or LOST, and its covariance is that of the
+filter, scaled up accordingly (see ``integrity.innovations``).
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,7 +32,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri, gammainc
 
-from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -47,8 +48,6 @@ _EYE = np.eye(3)
 _AXES = 3
 _OUTLIER = float(chdtri(_AXES, 1e-9))
 _LASTING = 10  # outliers in a row
-_WINDOW = 20  # fixes
-_UNLIKELY = float(chdtri(_AXES * _WINDOW, 1e-9))
 
 
 @configuration
@@ -106,8 +105,7 @@ class Kalman:
         self._P = first_covariance(config, mission)  # (3, 3) of an axis
         self._R = self._model.fix_std**2  # [m^2]
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._innovations: deque[float] = deque(maxlen=_WINDOW)  # normalised, of the last fixes that were used
-        self._excess = 1.0  # of the covariance of these innovations over that of the filter, while that is unlikely
+        self._monitor = InnovationMonitor("fixes", _AXES, 1.0 / mission.position_rate)
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
 
@@ -149,7 +147,8 @@ class Kalman:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (6,) [m, m/s] at t [s] from the fixes since the last call, ``command`` (3,) [m/s^2] held in between.
 
-        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra`` also counts the readings that were not used.
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust and ``extra["integrity"]`` (1,) the worst statistic of the
+        fixes over its threshold; ``extra`` also counts the readings that were not used.
         """
         for fix in measurements:
             if fix.name != "position":
@@ -160,13 +159,17 @@ class Kalman:
                 self._predict(fix.t, command)
                 self._condition(fix)
         self._predict(t, command)
+        integrity = self._monitor.status(t)
         x, covariance = self._x, self._covariance()
-        status, extra = self._timeout_monitor.status(t, covariance), {"gust": x[2].copy(), **self._counts.extra}
-        return Estimate(t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix"))
+        extra = {"gust": x[2].copy(), "integrity": np.array([self._monitor.ratio]), **self._counts.extra}
+        status = worst(self._timeout_monitor.status(t, covariance), integrity)
+        return Estimate(
+            t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix") or self._monitor.message
+        )
 
     def _covariance(self) -> Array:
         """Covariance (6, 6) [m, m/s] of position and velocity: that of an axis, symmetric, on each of the three."""
-        (p, c, _), (d, v, _), _ = (self._excess * self._P).tolist()
+        (p, c, _), (d, v, _), _ = (self._monitor.inflation * self._P).tolist()
         covariance = np.zeros(36)  # written along its diagonals
         covariance[:15:7], covariance[21::7] = p, v
         covariance[3:18:7] = covariance[18:33:7] = 0.5 * (c + d)
@@ -193,6 +196,7 @@ class Kalman:
         if not math.isfinite(normalised):
             self._counts.add(Unused.NOT_FINITE)
             return
+        self._monitor.note(fix.t, difference, variance * _EYE, self._R * _EYE)
         fits = self._since_gap.fits(np.array([normalised / _AXES]), self._timeout_monitor.converged)
         if normalised > _OUTLIER:
             self._outliers += 1
@@ -201,16 +205,16 @@ class Kalman:
                 return
             self._P = self._P * (normalised / _AXES)
             variance = float(self._P[0, 0]) + self._R
-        else:
-            self._innovations.append(normalised)
-            total = sum(self._innovations)
-            self._excess = max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
+            self._monitor.begin_again()
         self._outliers = 0
         gain = self._P[:, :1] * (1.0 / variance)  # (3, 1)
         kept = _EYE - gain * _H
         self._x = self._x + gain * difference
         self._P = kept.dot(self._P).dot(kept.T) + (gain * self._R) * gain.T
         self._timeout_monitor.note(fix.t, agrees=fits)
+        explained = self._model.gust_rms**2 - float(self._P[2, 2])
+        if explained > 0.0:
+            self._monitor.note_state(fix.t, float(self._x[2] @ self._x[2]) / explained, "a gust")
 
 
 def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:

@@ -14,8 +14,9 @@ first order.
 While IMU readings are missing the estimate is propagated by the vehicle's declared motion under its input, with the
 declared gusts as its noise; without an input, as in a log of sensors alone, by the last reading, which is trusted less
 and less. After a gap that is longer than declared it is DEGRADED until it has converged again; without fixes it is
-LOST. A rotation about the vertical shows in the fixes only while the vehicle accelerates sideways; the initial heading
-is the mission's.
+LOST. Fixes that are off together make it DEGRADED or LOST (see ``integrity.innovations``); once many in a row
+contradict it, it goes on from their place. A rotation about the vertical shows in the fixes only while the vehicle
+accelerates sideways; the initial heading is the mission's.
 
 The IMU's biases are states where the mission declares their standard deviations. At rest, from the first reading until
 the vehicle moves, the gyro reads its own (see ``rest``). In flight the fixes show the gyro's bias about the horizontal
@@ -32,6 +33,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
@@ -87,6 +89,8 @@ class InertialIekf:
         # What the gap leaves unknown shows in the fixes.
         self._imu = TimeoutMonitor(config.imu_gap, self.period, settling=config.timeout, beyond=Status.DEGRADED)
         self._limit = float(chdtri(3, config.gate))
+        self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
+        self._agreed = -math.inf  # [s] of the last fix that agreed
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
@@ -140,7 +144,8 @@ class InertialIekf:
         """Estimate of the point mass (6,) [m, m/s] at t [s]; ``command`` (4,) [N] was held since the last call.
 
         ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, the standard deviations
-        ``attitude_deviation`` (3,) [rad] about its axes, the IMU's ``bias`` (6,) [rad/s, m/s^2] with its
+        ``attitude_deviation`` (3,) [rad] about its axes, ``integrity`` (1,), the worst statistic of the fixes over its
+        threshold, the IMU's ``bias`` (6,) [rad/s, m/s^2] with its
         ``bias_deviation`` (6,), and ``nis`` (2,) of the newest fix with its number of
         components, NaN if none was used. It also counts the readings that were not used.
         """
@@ -171,14 +176,17 @@ class InertialIekf:
             "rate": strapdown.rate.copy(),
             "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
             "nis": nis,
+            "integrity": np.array([self._monitor.ratio]),
             "bias": strapdown.bias.copy(),
             "bias_deviation": strapdown.bias_deviation,
             **self._counts.extra,
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
-        status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P))
+        integrity = self._monitor.status(t)
+        P *= self._monitor.inflation
+        status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
-        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted))
+        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or self._monitor.message)
 
     def _unused(self, reading: Measurement) -> Unused | None:
         """Reason why a reading is not used; None for one that is, or is judged by its innovation."""
@@ -224,12 +232,34 @@ class InertialIekf:
         nu = X[:3, :3].T @ (reading.value - X[:3, 4])
         d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
+        self._monitor.note(reading.t, nu, self._H @ self._strapdown.P @ self._H.T + self._R, self._R)
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)
             return np.full(2, np.nan)
         self._fixes.note(reading.t, agrees=agrees)
-        self._strapdown.correct(d, P)
+        if agrees:
+            self._agreed = reading.t
+            self._strapdown.correct(d, P)
+        else:
+            self._begin_again(reading, nu)
         return np.array([nis, 3.0])
+
+    def _begin_again(self, reading: Measurement, nu: Array) -> None:
+        """Take the place of a fix that many in a row contradict the estimate with, nu (3,) [m] off.
+
+        The attitude would turn far if the filter were conditioned on it. The velocity may be off by as much as the
+        place since a fix agreed, by no more than the vehicle can fly both ways.
+        """
+        strapdown = self._strapdown
+        elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
+        off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)
+        strapdown.X[:3, 4] = reading.value
+        P = strapdown.P
+        P[PLACE], P[:, PLACE] = 0.0, 0.0
+        P[PLACE, PLACE] = self._R
+        P[SPEED, SPEED] += off**2 * np.eye(3)
+        self._monitor.begin_again()
+        self._agreed = reading.t
 
 
 def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:

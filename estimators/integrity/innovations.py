@@ -1,0 +1,101 @@
+"""Monitor of a filter that has one kind of reading: it cannot be run again without it, so its word is all that changes.
+
+Of each reading the filter hands over the innovation nu (m,), its covariance S and the noise R, also of one that it does
+not use. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
+
+    OK -> DEGRADED      at an alarm; for 20 s, since nobody knows what it came from and an estimate that has settled
+                        about a wrong place is quiet
+    -> LOST             after four readings in a row that are each off by more than chance allows, one in 1e9
+    LOST -> DEGRADED    after 5 s without an alarm
+
+Innovations also say how much larger they are than declared, and sooner than an alarm: where sum w'w is beyond
+chi2_c(0.001) in a window, r, the largest over the windows of sum w'w / chi2_c(0.1), is a lower bound of it. All of it
+is put to the motion: the covariance of the estimate is larger by (r s_S - s_R) / (s_S - s_R), the s being the traces of
+S and R, and after an alarm by the greatest such factor since.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.special import chdtri
+
+from mathnavi.estimators.integrity.windows import ENERGY, MEAN, Thresholds, Windows
+from mathnavi.interfaces.signals import Array, Status
+from mathnavi.models.tolerances import TIME_TOLERANCE
+
+_WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
+_LATCHED, _FOUND = 20.0, 5.0  # [s] without an alarm until the estimate is OK again, and until it is no longer lost
+_CHANCE, _IN_A_ROW = 1e-9, 4
+_LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
+_WORDS = {MEAN: "their mean", ENERGY: "their spread"}
+
+
+class InnovationMonitor:
+    """Tests of the innovations of one sensor of m components."""
+
+    def __init__(self, what: str, components: int, interval: float) -> None:
+        """``what`` names the readings, which come every ``interval`` [s]."""
+        self._what, self._m = what, components
+        self._thresholds = Thresholds.of(components, interval, _WINDOWS, further=1)
+        self._windows = Windows(self._thresholds, components)
+        self._every = np.ones(components, dtype=bool)
+        self._outlier = float(chdtri(components, _CHANCE))
+        freedom = np.arange(1, int(self._thresholds.lengths[-1]) * components + 1)
+        self._likely, self._unlikely = (np.append(math.inf, chdtri(freedom, level)) for level in (_LIKELY, _UNLIKELY))
+        self._far = 0  # readings in a row that are off
+        self._alarmed = self._lost = -math.inf  # [s] last time
+        self.inflation = 1.0
+        """factor >= 1 of the covariance of the estimate"""
+        self.ratio = 0.0
+        """the worst statistic over its threshold"""
+        self.message = ""
+
+    def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
+        """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
+        white = np.linalg.solve(np.linalg.cholesky(S), nu)
+        self._windows.add(nu / np.sqrt(S.diagonal()), white)
+        self._far = self._far + 1 if float(white @ white) > self._outlier else 0
+        worst = self._windows.worst(self._every)
+        self.ratio = worst.ratio
+        if self._far >= _IN_A_ROW:
+            self._lost = self._alarmed = t
+            self.message = f"disagrees with {self._far} {self._what} in a row"
+        elif worst.ratio > 1.0:
+            self._alarmed = t
+            self.message = f"disagrees with its {self._what}: {_WORDS.get(worst.test, 'all together')}"
+        excess, whole, own = self._excess(), float(np.trace(S)), float(np.trace(R))
+        least = self.inflation if t - self._alarmed < _LATCHED else 1.0
+        self.inflation = max(least, (excess * whole - own) / max(whole - own, 1e-12 * whole))
+
+    def note_state(self, t: float, square: float, what: str) -> None:
+        """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with
+        V = cov(x^).
+        """
+        ratio = square / self._thresholds.chi_square(self._m)
+        if ratio > 1.0:
+            self._alarmed = t
+            self.message = f"finds {what} that is larger than declared"
+        self.ratio = max(self.ratio, ratio)
+
+    def begin_again(self) -> None:
+        """Forget the innovations of an estimate that has begun again; what it was found to be stays."""
+        self._windows.clear()
+        self._far, self.inflation = 0, 1.0
+
+    def status(self, t: float) -> Status:
+        """Status at t [s] as far as the readings agree with the estimate."""
+        if t - self._lost < _FOUND - TIME_TOLERANCE:
+            return Status.LOST
+        if t - self._alarmed < _LATCHED - TIME_TOLERANCE:
+            return Status.DEGRADED
+        self.message = ""
+        return Status.OK
+
+    def _excess(self) -> float:
+        """r: by how much the innovations are larger than declared, at least; 1 where that may be chance."""
+        sums = [self._windows.joint(int(length)) for length in self._thresholds.lengths]
+        if not any(squares > self._unlikely[count] for squares, count in sums):
+            return 1.0
+        return max(1.0, *(squares / float(self._likely[count]) for squares, count in sums))

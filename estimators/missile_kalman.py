@@ -20,8 +20,9 @@ from typing import Annotated
 import casadi
 import numpy as np
 
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import ArgumentError
@@ -91,6 +92,7 @@ class MissileKalman:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._inputs = InputHistory(mission.input_delay, len(disturbance))
         self._called: float | None = None  # [s] of the last call
+        self._monitor = InnovationMonitor("readings", self._size, interval)
         self._counts = ReadingCounts()
 
     @staticmethod
@@ -119,8 +121,9 @@ class MissileKalman:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
 
-        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes; ``extra`` also
-        counts the readings that were not used. Raises ValueError for a reading of another shape.
+        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes, and
+        ``extra["integrity"]`` (1,) is the worst statistic of the readings over its threshold; ``extra`` also counts the
+        readings that were not used. Raises ValueError for a reading of another shape.
         """
         held = np.clip(command, -self._input_max, self._input_max)
         if self._called is not None:
@@ -136,10 +139,13 @@ class MissileKalman:
                 self._condition(reading)
         self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
-        P = 0.5 * (P + P.T)
-        status = self._timeout_monitor.status(t, P)
+        integrity = self._monitor.status(t)
+        P = 0.5 * self._monitor.inflation * (P + P.T)
+        status = worst(self._timeout_monitor.status(t, P), integrity)
         extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
-        return Estimate(t, x[: self._size].copy(), P, status, extra, waiting(status, "a reading of full_state"))
+        extra["integrity"] = np.array([self._monitor.ratio])
+        message = waiting(status, "a reading of full_state") or self._monitor.message
+        return Estimate(t, x[: self._size].copy(), P, status, extra, message)
 
     def _predict(self, t: float) -> None:
         """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'
@@ -176,6 +182,9 @@ class MissileKalman:
         if not np.isfinite(reading.value).all():
             self._counts.add(Unused.NOT_FINITE)
             return
+        n, R = self._size, self._filter.R
+        nu = self._difference(reading.value, self._filter.x[:n])
+        self._monitor.note(reading.t, nu, self._filter.P[:n, :n] + R, R)
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
         self._timeout_monitor.note(reading.t)
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from mathnavi.estimators.full_state import FullStateConfig
+from mathnavi.estimators.invariant.floating_base import FloatingBaseIekfConfig
 from mathnavi.estimators.kalman import KalmanConfig
 from mathnavi.estimators.ranging.observer import RangeObserverConfig
 from mathnavi.estimators.ranging.particle import RangeParticleConfig
@@ -23,6 +24,7 @@ PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimator
 WIDER = {
     "Example22Config": ("alpha", "beta"), "FeasibleSetBankConfig": ("lowest", "misfit", "seed"),
     "FilteredDifferencesConfig": ("cutoff",), "KazantzisKravarisConfig": ("order",),
+    "FloatingBaseIekfConfig": ("gyro_bias", "accelerometer_bias"),
     "RangeObserverConfig": ("k_v", "k_q"), "RangeParticleConfig": ("spread", "seed"),
     "RangeUkfConfig": ("beta", "kappa"), "TextbookEkfConfig": ("process",),
 }  # fmt: skip
@@ -54,6 +56,7 @@ def test_a_number_that_is_none_or_not_positive_is_refused(name: str) -> None:
         (RangeParticleConfig, {"max_particles": 10, "min_particles": 500}),
         (RangeParticleConfig, {"cell_heading": 3.0}), (RangeParticleConfig, {"recovery_fast": 20.0}),
         (RangeParticleConfig, {"seed": -1}), (FilteredDifferencesConfig, {"cutoff": -1.0}),
+        (FloatingBaseIekfConfig, {"gyro_bias": -1.0}), (FloatingBaseIekfConfig, {"accelerometer_bias": math.inf}),
         (LagrangianEkfConfig, {"gate": 1.0}), (LagrangianUkfConfig, {"alpha": 0.5}),
         (Example22Config, {"beta": 1e12}), (OutputInjectionConfig, {"poles": (-1.0, -1e12)}),
         (KazantzisKravarisConfig, {"form": "other"}),

@@ -46,7 +46,8 @@ def flown(seed: int, gust: float = 1.0, late: float = 0.0) -> list[tuple[float, 
     rng, mission, h = np.random.default_rng(seed), mission_of(GUST, 1.0), 0.01
     estimator, x, found = Kalman.build(KalmanConfig(), mission), np.array([*mission.start, 0.0, 0.0, 0.0]), []
     keep = math.exp(-h / GUST.time_constant)
-    g, u, past = GUST.rms * rng.standard_normal(3), np.zeros(3), []
+    g, u = GUST.rms * rng.standard_normal(3), np.zeros(3)
+    past: list[Array] = []
     for k in range(6000):
         t, past = k * h, [*past[-200:], x[:3]]
         faulty = FAULT[0] <= t < FAULT[1]

@@ -73,3 +73,16 @@ class Outage:
         t = self._count * self._period
         self._count += 1
         return None if any(begin <= t + TIME_TOLERANCE < end for begin, end in self._spans) else reading
+
+
+class Saturated:
+    """A sensor that reads ``most`` in place of every greater value, as rangefinders beyond their reach do."""
+
+    def __init__(self, sensor: Sensor, most: float) -> None:
+        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
+        self._sensor, self._most = sensor, most
+
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the sensor, (size,)."""
+        reading = self._sensor.read(motion, rng)
+        return None if reading is None else np.minimum(reading, self._most)

@@ -21,7 +21,7 @@ from mathnavi.estimators.integrity.pose_kernels import (
 )
 from mathnavi.estimators.integrity.windows import CLIP, NOTHING, Flags, Thresholds, Windows, Worst
 from mathnavi.estimators.ranging.model import RangeModel
-from mathnavi.estimators.ranging.reader import ODOMETRY, RANGES, TOO_FAST, TOO_LONG
+from mathnavi.estimators.ranging.reader import ODOMETRY, RANGES, TOO_FAST
 from mathnavi.estimators.ranging.reading_kernels import is_within
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
@@ -49,7 +49,7 @@ class PoseWitness:
         self._limit = self._thresholds.chi_square(3)
         self._every = max(1, round(_BRANCHED / mission.period))
         self._branches = no_branches(int(self._lengths[-1]) // self._every + 2)
-        self._noise = self._model.relative, self._model.absolute, TOO_LONG * self._model.longest
+        self._noise = self._model.relative, self._model.absolute, self._model.too_long
         self._limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         self._nothing = np.full(self._rays, np.nan)
         self._k, self._reckoned = 0, 0.0

@@ -42,7 +42,8 @@ class RangeModel:
         self.outliers = ranging.outliers
         self.W = np.square(odometry.noise) + np.square(odometry.slip) + _LEAST_VARIANCE  # (2,) of what is new each time
         self.scale = odometry.bias  # standard deviation of b
-        self.longest = mission.sensors_carried()[0].longest  # [m]
+        carried = mission.sensors_carried()[0]
+        self.longest, self.too_long = carried.longest, carried.too_long  # [m]
         self._mission = mission
 
     def range_variance(self, rho: Array) -> Array:

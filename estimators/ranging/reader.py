@@ -22,7 +22,6 @@ from mathnavi.models.unicycle.mission import RangingMission
 RANGES, ODOMETRY = "ranges", "odometry"
 """names of the sensors"""
 
-TOO_LONG = 2.0  # times the longest distance within the wall: no ray reads that, even with noise
 TOO_FAST = 10.0  # times the robot's limits
 
 
@@ -34,9 +33,10 @@ class RangeReader:
         that of a ``TimeoutMonitor``.
         """
         self._sensors = mission.sensors
-        self.longest = mission.sensors_carried()[0].longest
+        carried = mission.sensors_carried()[0]
+        self.longest = carried.longest
         """longest distance [m] within the wall"""
-        self._too_long, self._nothing = TOO_LONG * self.longest, np.full(mission.sensors, np.nan)
+        self._too_long, self._nothing = carried.too_long, np.full(mission.sensors, np.nan)
         self._limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         self._ranges = TimeoutMonitor(timeout, mission.period, settling=settling)
         self._odometry = TimeoutMonitor(timeout, mission.period, settling=settling, beyond=Status.DEGRADED)

@@ -92,7 +92,7 @@ class DifferentialDrive:
 
 @dataclass(frozen=True)
 class RangeSensor:
-    """Ranges (l,) [m] of the rangefinders ``range_0``, ..., NaN where a ray was lost or met nothing.
+    """Ranges (l,) [m] of the rangefinders ``range_0``, ..., NaN where a ray was lost, met nothing or was too long.
 
     Each errs by a Gaussian of variance (relative rho)^2 + absolute^2; a fraction ``outliers`` is uniform between zero
     and ``longest`` instead, and a fraction ``dropout`` is lost. The random numbers drawn do not depend on the size of
@@ -111,11 +111,23 @@ class RangeSensor:
         quality = self.quality
         rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
         rho[rho < 0.0] = np.nan  # MuJoCo's value for a ray that meets nothing
+        if quality.maximum is not None:
+            rho[rho >= quality.maximum] = np.nan
         deviation = np.hypot(quality.relative * rho, quality.absolute)
         reading = rho + deviation * rng.standard_normal(self.size)
         chance, any_value = rng.random(self.size), rng.random(self.size)
         reading = np.where(chance < quality.outliers, self.longest * any_value, reading)
+        if quality.maximum is not None:  # by its noise
+            reading[reading >= quality.maximum] = np.nan
         return np.where(rng.random(self.size) < quality.dropout, np.nan, reading)
+
+    @property
+    def too_long(self) -> float:
+        """Range [m] from which on a reading is none: no echo, or more than noise makes of the longest in sight."""
+        quality = self.quality
+        noise = _DEVIATIONS * math.hypot(quality.relative * self.longest, quality.absolute)
+        possible = self.longest + max(noise, _OTHER_WALL * self.longest)
+        return possible if quality.maximum is None else min(possible, quality.maximum)
 
 
 @dataclass
@@ -150,6 +162,7 @@ TICK = 0.01
 
 LEAST_NOISE = 1e-4  # [m] least noise that an estimator assumes of a range, however small the declared one is
 _SAME = 1e-9  # [rad]
+_DEVIATIONS, _OTHER_WALL = 8.0, 0.25  # of the noise, and share of the longest range by which a wall may be another
 
 SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 

@@ -20,7 +20,7 @@ from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.sensor_faults import Outage
+from mathnavi.models.sensor_faults import Outage, Saturated
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
 from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
@@ -75,7 +75,7 @@ class RangeLocalisation:
         stack = parts.stack(mission)
         duration = round(config.duration / mission.period) * mission.period
         sensors = parts.sensors(_as_it_is(mission, config))
-        body = _body(config, mission, pose, _with_outages(sensors, config), parts.streams["sensing"])
+        body = _body(config, mission, pose, _with_faults(sensors, config), parts.streams["sensing"])
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(2)},
@@ -207,11 +207,15 @@ def _three(values: Array) -> tuple[float, float, float]:
 # ---- the robot
 
 
-def _with_outages(sensors: tuple[Sensor, ...], config: RangeLocalisationConfig) -> tuple[Sensor, ...]:
-    """Sensors, without ranges during the outages of the fields."""
-    if not config.outage:
-        return sensors
-    return tuple(Outage(sensor, config.outage) if sensor.name == "ranges" else sensor for sensor in sensors)
+def _with_faults(sensors: tuple[Sensor, ...], config: RangeLocalisationConfig) -> tuple[Sensor, ...]:
+    """Sensors, their ranges up to the saturation of the fields, and without any during the outages."""
+    outage, most = config.outage, config.mismatch.range_saturation
+
+    def faulty(sensor: Sensor) -> Sensor:
+        saturated = sensor if most is None else Saturated(sensor, most)
+        return Outage(saturated, outage) if outage else saturated
+
+    return tuple(faulty(sensor) if sensor.name == "ranges" else sensor for sensor in sensors)
 
 
 def _body(
@@ -222,7 +226,8 @@ def _body(
     rng: np.random.Generator,
 ) -> MujocoPlant:
     """Plant of the robot at rest at a pose (3,)."""
-    model = _model(mission.curve, mission.angles, config.drive, config.friction)
+    turned = math.radians(config.mismatch.mounting)
+    model = _model(mission.curve, tuple(a + turned for a in mission.angles), config.drive, config.friction)
     start = np.zeros(2 * model.nq)
     start[:3] = pose
     setup = VehicleSetup(

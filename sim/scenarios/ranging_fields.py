@@ -102,6 +102,8 @@ class RangingNoise:
     """fraction of single ranges that are lost"""
     outliers: Fraction = 0.0
     """fraction of single ranges that are outliers: any value up to the longest in sight"""
+    range_maximum: Annotated[Positive, Le(_LONGEST)] | None = None
+    """range from which on a ray has no echo [m]; if not given, there is none"""
     odometry_noise: Annotated[tuple[float, float], Each(Interval(ge=0.0, le=10.0), FINITE)] = (0.05, 0.05)
     """standard deviations of the odometry's speed [m/s] and turn rate [rad/s], per reading"""
     odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.02
@@ -109,7 +111,7 @@ class RangingNoise:
 
     def ranging(self) -> RangeQuality:
         """Errors of the ranges, as a mission declares them."""
-        return RangeQuality(self.range_relative, self.range_absolute, self.dropout, self.outliers)
+        return RangeQuality(self.range_relative, self.range_absolute, self.dropout, self.outliers, self.range_maximum)
 
     def odometry(self, slip: tuple[float, float]) -> OdometryQuality:
         """Errors of the odometry, as a mission declares them, with a slip [m/s, rad/s]."""
@@ -124,6 +126,10 @@ class RangingMismatch:
     """factor of the standard deviation of a range"""
     outliers: Fraction = 0.0
     """fraction of single ranges that are outliers in addition to the declared ones"""
+    range_saturation: Annotated[Positive, Le(_LONGEST)] | None = None
+    """range that a sensor reads in place of a longer one [m]; if not given, none"""
+    mounting: Annotated[float, Interval(ge=-180.0, le=180.0), FINITE] = 0.0
+    """angle by which the range sensors are turned off their directions, counter-clockwise [deg]"""
     odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.0
     """relative error of the odometry in addition to the declared one, constant over a run"""
 

@@ -11,6 +11,7 @@ from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.interfaces.reading_counts import unused_in
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from tests.estimators.ranging.walls import FIELD
 
 MISSION, COMMAND = RangingMission(FIELD, (-1.0, 1.0), speed_max=1.0, turn_rate_max=2.0), np.array([0.3, -0.2])
@@ -35,8 +36,8 @@ def read(*measurements: Measurement) -> tuple[Array, Array, dict[str, int] | Non
     ("value", "usable", "counted"),
     [
         (1e-9, True, {}),
-        (1.9 * LONGEST, True, {}),
-        (2.1 * LONGEST, False, {"out of range": 1}),
+        (1.2 * LONGEST, True, {}),
+        (1.3 * LONGEST, False, {"out of range": 1}),
         (0.0, False, {"out of range": 1}),
         (-1.0, False, {"out of range": 1}),
         pytest.param(math.nan, False, {}, marks=pytest.mark.honoured("sensor log", "range that was lost (NaN)")),
@@ -48,6 +49,18 @@ def read(*measurements: Measurement) -> tuple[Array, Array, dict[str, int] | Non
 def test_a_range_may_be_as_long_as_noise_makes_the_longest(value: float, usable: bool, counted: dict[str, int]) -> None:
     rho, _, unused = read(ranges(value, 1.0))
     assert (bool(np.isfinite(rho[0])), rho[1], unused) == (usable, 1.0, counted)
+
+
+def test_what_reads_as_no_echo_is_none_by_the_declared_maximum_and_the_noise() -> None:
+    for ranging, longest in (
+        (RangeQuality(absolute=0.2 * LONGEST), 2.6 * LONGEST),
+        (RangeQuality(maximum=0.5 * LONGEST), 0.5 * LONGEST),
+        (RangeQuality(maximum=9.0 * LONGEST), 1.25 * LONGEST),
+    ):
+        reader = RangeReader(RangingMission(FIELD, (-1.0, 1.0), ranging), 0.5)
+        rho, _ = reader.read(0.0, (ranges(0.999 * longest, longest),), COMMAND)
+        assert np.isfinite(rho).tolist() == [True, False]
+        assert unused_in(reader.counts.extra) == {"out of range": 1}
 
 
 def test_without_a_reading_every_ray_is_lost_and_the_input_is_the_command() -> None:

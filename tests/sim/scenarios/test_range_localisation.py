@@ -159,6 +159,32 @@ def test_an_outage_takes_the_ranges_and_nothing_else() -> None:
     assert not np.isnan(arrays["measurement.odometry"][1:]).any()
 
 
+def test_beyond_its_reach_a_sensor_reads_nothing_or_if_it_is_not_declared_its_reach() -> None:
+    exact = RangingNoise(range_relative=0.0)
+    true, declared, saturated = (
+        run(duration=3.0, noise=noise, mismatch=mismatch, **KNOWN_START).arrays["measurement.ranges"]
+        for noise, mismatch in (
+            (exact, RangingMismatch()),
+            (dataclasses.replace(exact, range_maximum=2.0), RangingMismatch()),
+            (exact, RangingMismatch(range_saturation=2.0)),
+        )
+    )
+    assert 0.1 < (true > 2.0).mean() < 0.9
+    np.testing.assert_array_equal(declared, np.where(true < 2.0, true, np.nan))
+    np.testing.assert_array_equal(saturated, np.minimum(true, 2.0))
+    outcome = RangeLocalisation.build(RangeLocalisationConfig(noise=RangingNoise(range_maximum=2.0)), 1).run()
+    assert outcome.summary["converged"]
+
+
+def test_sensors_that_are_mounted_at_other_angles_read_as_those_of_a_robot_that_is_turned() -> None:
+    exact, known = RangingNoise(range_relative=0.0), {**KNOWN_START, "sensors": (-60.0, 60.0)}
+    turned, stated = (
+        run(duration=0.5, noise=exact, mismatch=mismatch, **{**known, **fields}).arrays["measurement.ranges"][0]
+        for mismatch, fields in ((RangingMismatch(mounting=10.0), {}), (RangingMismatch(), {"sensors": (-50.0, 70.0)}))
+    )
+    np.testing.assert_allclose(turned, stated)
+
+
 def test_true_errors_may_be_others_than_the_declared_ones() -> None:
     """The same draws, twice as large; what the estimator is built for is what is declared."""
     declared = RangingNoise(odometry_noise=(0.0, 0.0))
@@ -167,7 +193,9 @@ def test_true_errors_may_be_others_than_the_declared_ones() -> None:
         for mismatch in (RangingMismatch(), RangingMismatch(range_noise=2.0, odometry_bias=0.05))
     )
     assert outcome.config["mission"] == other.config["mission"]
-    assert other.config["fields"]["mismatch"] == {"range_noise": 2.0, "outliers": 0.0, "odometry_bias": 0.05}
+    assert other.config["fields"]["mismatch"] == dataclasses.asdict(
+        RangingMismatch(range_noise=2.0, odometry_bias=0.05)
+    )
     rho = np.array([STANDARD.ranges(x[:3], np.radians([-60.0, 60.0]))[0] for x in outcome.arrays["truth.x"]])
     noise, more = (found.arrays["measurement.ranges"] - rho for found in (outcome, other))
     np.testing.assert_allclose(more, 2.0 * noise, atol=1e-9)

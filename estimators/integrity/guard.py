@@ -90,6 +90,11 @@ class Guarded:
         self._passed = np.zeros(len(witness.names), dtype=np.int64)  # updates for which a channel has passed its tests
         self._wait = np.full(len(witness.names), self._updates(_READMITTED))
 
+    @property
+    def estimator(self) -> Estimator:
+        """The estimator beside which the monitor is now."""
+        return self._now.estimator
+
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate at t [s] with the worse of two statuses, the estimator's and the monitor's.
 
@@ -256,3 +261,8 @@ class Guarded:
             self._quiet, self._astray = 0, False
             self._now.witness.clear()
             self._message = "has begun again"
+
+
+def alone(estimator: Estimator) -> Estimator:
+    """The estimator without its monitor, if it has one."""
+    return estimator.estimator if isinstance(estimator, Guarded) else estimator

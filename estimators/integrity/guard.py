@@ -204,28 +204,28 @@ class Guarded:
             self._now.witness.clear()
             self._snapshots = []
             return
-        self._next_attempt = self._k + self._retried
         if self._state is not Status.INITIALISING:
             self._state = Status.DEGRADED
         named = f"{what} of {self._now.witness.names[channel]}" if channel >= 0 else what
         self._message = f"disagrees with its readings: {named}"
-        if found := self._explained(stuck):
-            self._adopt(found)
-            return
-        if self._unexplained < 0:
-            self._unexplained = self._k
-        if not self._begun:  # a covariance that is still large may be wrong for a moment: begin to test again
+        self._unexplained = self._k if self._unexplained < 0 else self._unexplained
+        impatient = self._k - self._unexplained >= self._updates(_PATIENCE)
+        if not self._begun and not impatient:  # the covariance of a start may be wrong for a moment: test from now on
             self._now.witness.clear()
-        if self._k - self._unexplained >= self._updates(_PATIENCE):
+            self._snapshots = []
+            return
+        self._next_attempt = self._k + self._retried
+        if found := self._explained(stuck, late=impatient):
+            self._adopt(found)
+        elif impatient:
             self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
             self._astray = True
             self._now.witness.clear()
 
-    def _explained(self, stuck: frozenset[int]) -> Explanation | None:
-        """The explanation from a copy that is older than the fault, or from the oldest."""
+    def _explained(self, stuck: frozenset[int], *, late: bool) -> Explanation | None:
+        """The explanation from a copy that is older than the fault, or from the oldest; ``late`` also by noise."""
         if not self._snapshots:
             return None
-        late = self._unexplained >= 0 and self._k - self._unexplained >= self._updates(_PATIENCE)
         old = [each for each in self._snapshots if self._k - each.k >= self._updates(1.5)]
         starts = list(dict.fromkeys(([len(old) - 1] if old else []) + [0]))
         past = list(self._past)

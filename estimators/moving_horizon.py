@@ -10,6 +10,7 @@ estimator starts again at the next reading.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from mathnavi.estimators.stagewise.model import CountedModel, StageBuilder
 from mathnavi.estimators.timeout_monitor import FARTHEST, InnovationMean, TimeoutMonitor, waiting, worst
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import FlightMission
@@ -73,8 +74,17 @@ class MovingHorizonEstimator:
         self._unknown = unknown
 
     @staticmethod
-    def build(config: MovingHorizonConfig, mission: HorizonMission) -> MovingHorizonEstimator:
-        """Build the estimator of one run."""
+    def build(config: MovingHorizonConfig, mission: HorizonMission) -> Estimator:
+        """Build the estimator of one run; of a robot that reads ranges with its monitor of integrity."""
+        if isinstance(mission, RangingMission):
+            from mathnavi.estimators.integrity.ranging import guarded
+            from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
+
+            return guarded(partial(MovingHorizonEstimator._built, config), mission, finder=pose_finder, most_out=0)
+        return MovingHorizonEstimator._built(config, mission)
+
+    @staticmethod
+    def _built(config: MovingHorizonConfig, mission: HorizonMission) -> MovingHorizonEstimator:
         model = MovingHorizonEstimator.stagewise_model(config, mission)
         if isinstance(mission, LagrangianMission):
             return MovingHorizonEstimator(config, model, mission, mission.start_state)

@@ -6,12 +6,13 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
-from mathnavi.estimators.integrity.windows import Flags
-from mathnavi.estimators.integrity.witness import Witness, is_plausible
+from mathnavi.estimators.integrity.windows import QUIET, Flags, Worst
+from mathnavi.estimators.integrity.witness import Witness
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
@@ -24,31 +25,36 @@ _NOISIEST = 25.0  # kappa: five times the declared deviation
 _MARGIN = 1.2  # of kappa over what was found
 
 
+@lru_cache(maxsize=256)
+def used_channels(channels: int, out: frozenset[int]) -> Flags:
+    """True (l,) for the channels that are used; nobody writes into it."""
+    used: Flags = np.ones(channels, dtype=np.bool_)
+    used[list(out)] = False
+    return used
+
+
 @dataclass
 class Replay:
     """An estimator with its witness, run over readings."""
 
     estimator: Estimator
     witness: Witness
-    estimate: Estimate | None
-
-    def used(self, out: frozenset[int]) -> Flags:
-        """True (l,) for the channels that are used."""
-        used: Flags = np.ones(len(self.witness.names), dtype=np.bool_)
-        used[list(out)] = False
-        return used
+    estimate: Estimate | None = None
+    worst: Worst = QUIET
 
     def advance(self, t: float, measurements: Sequence[Measurement], command: Array, out: frozenset[int]) -> Estimate:
-        """Update without some channels, and take what it says."""
-        before = self.estimate
-        self.estimate = self.estimator.update(t, self.witness.without(measurements, out), command)
-        if self.estimate.covariance is not None:
-            self.witness.take(before, self.estimate, measurements, command, self.used(out))
-        return self.estimate
+        """Update without some channels, and test what it says."""
+        witness, before = self.witness, self.estimate
+        estimate = self.estimator.update(t, witness.without(measurements, out) if out else measurements, command)
+        self.estimate = estimate
+        if estimate.covariance is not None:
+            used = used_channels(len(witness.names), out)
+            self.worst = witness.take(before, estimate, measurements, command, used)
+        return estimate
 
     def copy(self) -> Replay:
         """A copy with a state of its own."""
-        return Replay(copy.deepcopy(self.estimator), self.witness.copy(), self.estimate)
+        return Replay(copy.deepcopy(self.estimator), self.witness.copy(), self.estimate, self.worst)
 
 
 @dataclass(frozen=True)
@@ -114,19 +120,18 @@ def _agreement(replay: Replay, past: Sequence[Reading], out: frozenset[int], new
 
     An estimator that fails without these channels explains nothing.
     """
-    worst, against, used = 0.0, dict.fromkeys(new, 0.0), replay.used(out)
+    worst, against = 0.0, dict.fromkeys(new, 0.0)
     for each in past:
         try:
             estimate = replay.advance(*each, out)
         except (ArithmeticError, ValueError):  # LinAlgError is a ValueError
             return None
-        if estimate.status is not Status.OK or not is_plausible(estimate):
+        if estimate.status is not Status.OK or estimate.covariance is None:
             return None
-        ratio = replay.witness.worst(used).ratio
-        if ratio > 1.0 or set(replay.witness.stuck()) - out:
-            return None
-        worst = max(worst, ratio)
         stuck = replay.witness.stuck()
+        if replay.worst.ratio > 1.0 or set(stuck) - out:
+            return None
+        worst = max(worst, replay.worst.ratio)
         for i in new:
             against[i] = math.inf if i in stuck else max(against[i], replay.witness.windows.of_channel(i))
     return worst if all(each > 1.0 for each in against.values()) else None

@@ -12,49 +12,147 @@ s_b being the deviation of the odometry's scale error. A ray reads z_i = h_i(x-)
 readings have moved the estimate by, d = x_k - x_branch, is tested by d' P_branch^-1 d against chi-square with three
 degrees of freedom: an upper bound of the exact covariance, that of the sum of the corrections. It finds what a filter
 follows: a fault that it has absorbed, and odometry that is wrong.
+
+All of an update is one kernel, ``observe``: a call from Python costs as much as its arithmetic.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.estimators.integrity.windows import Flags
+from mathnavi.estimators.integrity.windows import IMPOSSIBLE, RECKONED, Flags, add, worst_of
+from mathnavi.estimators.integrity.witness import is_possible
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, square_trace
+from mathnavi.estimators.ranging.reading_kernels import is_within
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
-from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
+from mathnavi.models.unicycle.kernels import motion, wrapped
+
+RELATIVE, ABSOLUTE, LONGEST, SCALE, W_1, W_2, FASTEST, TURNING, Z = range(9)
+"""constants of an update: relative and absolute [m] deviation of a range, length [m] of a lost one, s_b, variances of
+the odometry and the largest that can be [m/s, rad/s], threshold of a mean"""
+_P, _S, AGE = 3, 12, 15  # columns of a branch: x (3,), P (3, 3) without the scale error, s = dx/db (3,), updates or -1
+LAST, FIRST, NOW, TIMES = range(4)
+"""rows of repeats (4, l): last reading [m], range [m] expected at the first and at the last of those that repeated it
+to the last bit, and their number"""
 
 
-class Branches(NamedTuple):
-    """Copies of former estimates that the odometry alone moves."""
-
-    x: Array  # (B, 3)
-    P: Array  # (B, 3, 3) without the odometry's scale error
-    s: Array  # (B, 3) dx/db, b being that error
-    age: Integers  # (B,) updates; -1 for a place that is free
+def no_branches(count: int) -> Array:
+    """Room (B, 16) for ``count`` branches: former estimates that the odometry alone moves."""
+    branches = np.zeros((count, AGE + 1))
+    branches[:, AGE] = -1.0
+    return branches
 
 
-def no_branches(count: int) -> Branches:
-    """Room for ``count`` branches."""
-    return Branches(np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 3)), np.full(count, -1, np.int64))
+def no_repeats(rays: int) -> Array:
+    """Repeats (4, l) before the first reading of each ray."""
+    repeats = np.full((4, rays), np.nan)
+    repeats[TIMES] = 0.0
+    return repeats
 
 
 @njit(cache=True, nogil=True)
-def predicted(x: Array, P: Array, u: Array, W: Array, scale: float, dt: float) -> tuple[Array, Array]:
-    """Pose x- (3,) and its covariance P- (3, 3) after dt [s] under the odometry u (2,) of variances W (2,)."""
-    F, G = integrate_jacobians(x, u[0], u[1], dt)
-    after = integrate(x, u[0], u[1], dt)
-    moved = F @ P @ F.T
+def observe(
+    coefficients: Array,
+    polyline: Array,
+    angles: Array,
+    constants: Array,
+    lengths: Integers,
+    energy: Array,
+    sums: Array,
+    branches: Array,
+    repeats: Array,
+    k: int,
+    kappa: float,
+    x: Array,
+    P: Array,
+    x_after: Array,
+    P_after: Array,
+    dt: float,
+    rho: Array,
+    odometry: Array,
+    command: Array,
+    used: Flags,
+) -> tuple[float, int, int, int]:
+    """Take an update of an estimator from x (3,), P (3, 3) to those ``after`` it, dt [s] later.
+
+    It reads ranges rho (l,) and odometry (2,), both NaN for none; the ``command`` (2,) takes the place of odometry.
+    ``used`` (l,) says which rays the estimator was given; ``k`` is the number of updates in the sums, and ``kappa`` the
+    variance over the declared one. Returns the worst statistic over its threshold, its test and its channel, and the
+    largest number of repeated readings.
+    """
+    reckons = is_within(odometry, constants[FASTEST : TURNING + 1])
+    u = odometry if reckons else command
+    scale, one = constants[SCALE], np.zeros((1, AGE))
     for i in range(3):
-        b_i = scale * (G[i, 0] * u[0] + G[i, 1] * u[1])
+        one[0, i] = x[i]
         for j in range(3):
-            b_j = scale * (G[j, 0] * u[0] + G[j, 1] * u[1])
-            moved[i, j] += G[i, 0] * W[0] * G[j, 0] + G[i, 1] * W[1] * G[j, 1] + b_i * b_j
-    return after, moved
+            one[0, _P + 3 * i + j] = P[i, j]
+    _move(one[0], u, constants, dt)
+    x_now, P_now = one[0, :_P], np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            P_now[i, j] = one[0, _P + 3 * i + j] + scale * scale * one[0, _S + i] * one[0, _S + j]
+    noise = constants[RELATIVE], constants[ABSOLUTE], constants[LONGEST]
+    e, white, expected = innovations((coefficients, polyline), angles, noise, x_now, P_now, rho, used)
+    add(sums, k, e, white)
+    most = _note_repeats(repeats, rho, expected)
+    if not is_possible(x_after, P_after):
+        return math.inf, IMPOSSIBLE, -1, most
+    ratio, test, channel = worst_of(sums, k + 1, used, lengths, kappa, constants[Z], energy)
+    if reckons:
+        dead = _reckoned(branches, lengths[1:], x_after, u, constants, dt) / (kappa * energy[3])
+        if dead > ratio:
+            ratio, test, channel = dead, RECKONED, -1
+    else:
+        branches[:, AGE] = -1.0
+    return ratio, test, channel, most
+
+
+@njit(cache=True, nogil=True)
+def begin_branch(branches: Array, x: Array, P: Array) -> None:
+    """Begin a branch at an estimate x (3,), P (3, 3), in a place that is free."""
+    for n in range(len(branches)):
+        if branches[n, AGE] < 0.0:
+            for i in range(3):
+                branches[n, i], branches[n, _S + i] = x[i], 0.0
+                for j in range(3):
+                    branches[n, _P + 3 * i + j] = P[i, j]
+            branches[n, AGE] = 0.0
+            return
+
+
+@njit(cache=True, nogil=True)
+def _move(branch: Array, u: Array, constants: Array, dt: float) -> None:
+    """Move a branch (16,) in place over dt [s] under the odometry u (2,): x, P = F P F' + G W G', s = F s - G u."""
+    W_x, W_y = constants[W_1], constants[W_2]
+    d_x, d_y, a_x, a_y, b_x, b_y = motion(branch[2], u[0], u[1], dt)
+    branch[0] += d_x
+    branch[1] += d_y
+    branch[2] += u[1] * dt
+    s, P = branch[_S:], branch[_P:]
+    s[0] += -d_y * s[2] - a_x * u[0] - b_x * u[1]
+    s[1] += d_x * s[2] - a_y * u[0] - b_y * u[1]
+    s[2] -= dt * u[1]
+    for j in range(3):  # F is the identity but for two entries
+        P[j] -= d_y * P[6 + j]
+        P[3 + j] += d_x * P[6 + j]
+    for j in range(3):
+        P[3 * j] -= d_y * P[3 * j + 2]
+        P[3 * j + 1] += d_x * P[3 * j + 2]
+    across = a_x * W_x * a_y + b_x * W_y * b_y
+    P[0] += a_x * W_x * a_x + b_x * W_y * b_x
+    P[1] += across
+    P[3] += across
+    P[4] += a_y * W_x * a_y + b_y * W_y * b_y
+    P[2] += b_x * W_y * dt
+    P[6] += b_x * W_y * dt
+    P[5] += b_y * W_y * dt
+    P[7] += b_y * W_y * dt
+    P[8] += dt * W_y * dt
 
 
 @njit(cache=True, nogil=True)
@@ -68,7 +166,7 @@ def innovations(
     """
     n = len(z)
     e, white, expected = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
-    H, D, nu, r = np.empty((n, 3)), np.empty(3), np.empty(n), np.empty(n)
+    H, PH, D, nu, r = np.empty((n, 3)), np.empty((n, 3)), np.empty(3), np.empty(n), np.empty(n)
     L, rows, count = np.zeros((n, n)), np.empty(n, np.int64), 0
     for i in range(n):
         h, B, C = expected_range(wall, x[0], x[1], x[2] + angles[i], H[i], D)
@@ -76,17 +174,18 @@ def innovations(
         if math.isnan(h) or not 0.0 < z[i] < noise[2]:
             continue
         nu[i], r[i] = z[i] - h, (noise[0] * h) ** 2 + noise[1] ** 2 + 0.5 * square_trace(P, D, h, B, C, H[i])
-        e[i] = nu[i] / math.sqrt(H[i] @ P @ H[i] + r[i])
+        for j in range(3):
+            PH[i, j] = P[j, 0] * H[i, 0] + P[j, 1] * H[i, 1] + P[j, 2] * H[i, 2]
+        e[i] = nu[i] / math.sqrt(H[i, 0] * PH[i, 0] + H[i, 1] * PH[i, 1] + H[i, 2] * PH[i, 2] + r[i])
         if used[i]:
             rows[count] = i
             count += 1
     for a in range(count):  # Cholesky's factor of S, row by row, and w by forward substitution
         i = rows[a]
-        PH = P @ H[i]
         total = nu[i]
         for b in range(a + 1):
             j = rows[b]
-            s = H[j] @ PH
+            s = H[j, 0] * PH[i, 0] + H[j, 1] * PH[i, 1] + H[j, 2] * PH[i, 2]
             if a == b:
                 s += r[i]
             for c in range(b):
@@ -103,31 +202,25 @@ def innovations(
 
 
 @njit(cache=True, nogil=True)
-def reckoned(branches: Branches, lengths: Integers, x: Array, u: Array, W: Array, scale: float, dt: float) -> float:
+def _reckoned(branches: Array, lengths: Integers, x: Array, u: Array, constants: Array, dt: float) -> float:
     """Move the branches over dt [s], and return the largest d' P^-1 d of those whose age is one of ``lengths``."""
-    worst = 0.0
-    for n in range(len(branches.age)):
-        if branches.age[n] < 0:
+    worst, S, d, square = 0.0, np.empty((3, 3)), np.empty(3), constants[SCALE] * constants[SCALE]
+    for n in range(len(branches)):
+        branch = branches[n]
+        if branch[AGE] < 0.0:
             continue
-        F, G = integrate_jacobians(branches.x[n], u[0], u[1], dt)
-        branches.x[n] = integrate(branches.x[n], u[0], u[1], dt)
-        branches.P[n] = F @ branches.P[n] @ F.T
-        branches.s[n] = F @ branches.s[n] - G @ u
-        for i in range(3):
-            for j in range(3):
-                branches.P[n, i, j] += G[i, 0] * W[0] * G[j, 0] + G[i, 1] * W[1] * G[j, 1]
-        branches.age[n] += 1
+        _move(branch, u, constants, dt)
+        branch[AGE] += 1.0
         for length in lengths:
-            if branches.age[n] == length:
-                d = x - branches.x[n]
-                d[2] = wrapped(d[2])
-                S = branches.P[n].copy()
+            if branch[AGE] == length:
                 for i in range(3):
+                    d[i] = x[i] - branch[i]
                     for j in range(3):
-                        S[i, j] += scale * scale * branches.s[n, i] * branches.s[n, j]
+                        S[i, j] = branch[_P + 3 * i + j] + square * branch[_S + i] * branch[_S + j]
+                d[2] = wrapped(d[2])
                 worst = max(worst, _square(S, d))
-        if branches.age[n] >= lengths[-1]:
-            branches.age[n] = -1
+        if branch[AGE] >= lengths[-1]:
+            branch[AGE] = -1.0
     return worst
 
 
@@ -155,40 +248,16 @@ def _square(S: Array, d: Array) -> float:
 
 
 @njit(cache=True, nogil=True)
-def branch(branches: Branches, x: Array, P: Array) -> None:
-    """Begin a branch at an estimate x (3,), P (3, 3), in a place that is free."""
-    for n in range(len(branches.age)):
-        if branches.age[n] < 0:
-            branches.x[n], branches.P[n], branches.s[n], branches.age[n] = x, P, 0.0, 0
-            return
-
-
-class Repeats(NamedTuple):
-    """Readings that are repeated to the last bit."""
-
-    last: Array  # (l,) [m] last reading
-    first: Array  # (l,) [m] expected at the first of them
-    now: Array  # (l,) [m] expected at the last
-    times: Integers  # (l,) that it was repeated
-
-
-def no_repeats(rays: int) -> Repeats:
-    """Repeats before the first reading of each ray."""
-    last, first, now = np.full((3, rays), np.nan)
-    return Repeats(last, first, now, np.zeros(rays, np.int64))
-
-
-@njit(cache=True, nogil=True)
-def note_repeats(repeats: Repeats, z: Array, expected: Array) -> int:
+def _note_repeats(repeats: Array, z: Array, expected: Array) -> int:
     """Take readings z (l,), NaN for none, and what was expected (l,); returns the largest number of repeats."""
     most = 0
     for i in range(len(z)):
         if math.isnan(z[i]):
             continue
-        if z[i] == repeats.last[i]:
-            repeats.times[i] += 1
+        if z[i] == repeats[LAST, i]:
+            repeats[TIMES, i] += 1.0
         else:
-            repeats.times[i], repeats.last[i], repeats.first[i] = 0, z[i], expected[i]
-        repeats.now[i] = expected[i]
-        most = max(most, repeats.times[i])
+            repeats[TIMES, i], repeats[LAST, i], repeats[FIRST, i] = 0.0, z[i], expected[i]
+        repeats[NOW, i] = expected[i]
+        most = max(most, int(repeats[TIMES, i]))
     return most

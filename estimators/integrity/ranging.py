@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from mathnavi.estimators.integrity.guard import Guarded
-from mathnavi.estimators.integrity.pose_kernels import (
-    branch,
-    innovations,
-    no_branches,
-    no_repeats,
-    note_repeats,
-    predicted,
-    reckoned,
-)
-from mathnavi.estimators.integrity.windows import CLIP, NOTHING, Flags, Thresholds, Windows, Worst
+from mathnavi.estimators.integrity.pose_kernels import AGE, begin_branch, no_branches, no_repeats, observe
+from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, QUIET, Flags, Thresholds, Windows, Worst
+from mathnavi.estimators.integrity.witness import is_plausible
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.reader import ODOMETRY, RANGES, TOO_FAST
-from mathnavi.estimators.ranging.reading_kernels import is_within
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
@@ -39,55 +32,68 @@ class PoseWitness:
     """Tests of (x, P) against ranges and odometry; the channels are the rays."""
 
     def __init__(self, mission: RangingMission) -> None:
-        self._mission, self._model = mission, RangeModel(mission)
-        self._rays = len(self._model.angles)
+        model = RangeModel(mission)
+        self._rays, self._range_variance = len(model.angles), model.range_variance
         self.names = tuple(f"ray {i}" for i in range(self._rays))
-        self._thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
-        outliers = self._model.outliers  # each of which counts as at most the clipped square
-        self.windows = Windows(self._thresholds, self._rays, 1.0 - outliers + outliers * CLIP**2)
-        self._lengths = self._thresholds.lengths[1:]
-        self._limit = self._thresholds.chi_square(3)
+        thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
+        outliers = model.outliers  # each of which counts as at most the clipped square
+        self.windows = Windows(thresholds, self._rays, 1.0 - outliers + outliers * CLIP**2)
+        limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
+        self._fixed = (
+            *model.wall,
+            model.angles,
+            np.array([model.relative, model.absolute, model.too_long, model.scale, *model.W, *limits, thresholds.z]),
+            thresholds.lengths,
+            thresholds.energy,
+        )
         self._every = max(1, round(_BRANCHED / mission.period))
-        self._branches = no_branches(int(self._lengths[-1]) // self._every + 2)
-        self._noise = self._model.relative, self._model.absolute, self._model.too_long
-        self._limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
-        self._nothing = np.full(self._rays, np.nan)
-        self._k, self._reckoned = 0, 0.0
+        self._branches = no_branches(int(thresholds.lengths[-1]) // self._every + 2)
         self._repeats, self._most = no_repeats(self._rays), 0
+        self._nothing = np.full(self._rays, np.nan), np.full(2, np.nan)
+        self._k = 0
+        self._worst = QUIET
 
     def take(
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
-    ) -> None:
-        rho = newest(RANGES, measurements)
-        rho, u = self._nothing if rho is None else rho, newest(ODOMETRY, measurements)
-        reckons, model = u is not None and is_within(u, self._limits), self._model
-        u = u if u is not None and reckons else command
-        if before is not None and before.covariance is not None and after.t > before.t:
-            dt = after.t - before.t
-            x, P = predicted(before.x, before.covariance, u, model.W, model.scale, dt)
-            e, white, expected = innovations(model.wall, model.angles, self._noise, x, P, rho, used)
-            self.windows.add(e, white)
-            self._most = note_repeats(self._repeats, rho, expected)
-            if reckons:
-                square = reckoned(self._branches, self._lengths, after.x, u, model.W, model.scale, dt)
-                self._reckoned = square / (self.windows.kappa * self._limit)
-            else:
-                self._branches.age[:] = -1
-                self._reckoned = 0.0
-        if self._k % self._every == 0 and after.covariance is not None:
-            branch(self._branches, after.x, after.covariance)
+    ) -> Worst:
+        P = after.covariance
+        if P is None:
+            return self._worst
+        if before is None or before.covariance is None or after.t <= before.t:
+            self._worst = self._worst if is_plausible(after) else Worst(math.inf, IMPOSSIBLE, -1)
+        else:
+            windows, (rho, u) = self.windows, self._newest(measurements)
+            ratio, test, channel, self._most = observe(
+                *self._fixed, windows.sums, self._branches, self._repeats, windows.k, windows.kappa,
+                before.x, before.covariance, after.x, P, after.t - before.t, rho, u, command, used,
+            )  # fmt: skip
+            windows.k += 1
+            self._worst = Worst(ratio, test, channel)
+        if self._k % self._every == 0:
+            begin_branch(self._branches, after.x, P)
         self._k += 1
+        return self._worst
 
-    def worst(self, used: Flags) -> Worst:
-        found = self.windows.worst(used)
-        return Worst(self._reckoned, NOTHING, -1) if self._reckoned > found.ratio else found
+    def _newest(self, measurements: Sequence[Measurement]) -> tuple[Array, Array]:
+        """Newest ranges (l,) and odometry (2,); NaN for none."""
+        ranges = odometry = None
+        for each in measurements:
+            if each.name == RANGES and (ranges is None or each.t >= ranges.t):
+                ranges = each
+            elif each.name == ODOMETRY and (odometry is None or each.t >= odometry.t):
+                odometry = each
+        rho, u = self._nothing
+        return (
+            rho if ranges is None else np.ascontiguousarray(ranges.value, np.float64),
+            u if odometry is None else np.ascontiguousarray(odometry.value, np.float64),
+        )
 
     def stuck(self) -> list[int]:
         if self._most < _REPEATS:
             return []
-        moved = np.abs(self._repeats.now - self._repeats.first)
-        least = _MOVED * np.sqrt(self._model.range_variance(np.nan_to_num(self._repeats.last)))
-        return np.flatnonzero((self._repeats.times >= _REPEATS) & (moved > least)).tolist()
+        last, first, now, times = self._repeats
+        least = _MOVED * np.sqrt(self._range_variance(np.nan_to_num(last)))
+        return np.flatnonzero((times >= _REPEATS) & (np.abs(now - first) > least)).tolist()
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         if not out:
@@ -96,23 +102,14 @@ class PoseWitness:
 
     def clear(self) -> None:
         self.windows.clear()
-        self._branches.age[:] = -1
-        self._reckoned = 0.0
+        self._branches[:, AGE] = -1.0
+        self._worst = QUIET
 
     def copy(self) -> PoseWitness:
         made = copy.copy(self)
         made.windows = self.windows.copy()
-        made._branches, made._repeats = copy.deepcopy((self._branches, self._repeats))
+        made._branches, made._repeats = self._branches.copy(), self._repeats.copy()
         return made
-
-
-def newest(sensor: str, measurements: Sequence[Measurement]) -> Array | None:
-    """Value of the newest reading of a sensor; None without one."""
-    found = None
-    for each in measurements:
-        if each.name == sensor and (found is None or each.t >= found.t):
-            found = each
-    return None if found is None else np.ascontiguousarray(found.value, np.float64)
 
 
 def _without(reading: Measurement, out: frozenset[int]) -> Measurement:

@@ -35,8 +35,8 @@ CLIP = 4.0
 """largest magnitude of a normalised innovation that counts"""
 FEWEST = 3
 """number of innovations in a window from which on it is tested"""
-NOTHING, MEAN, ENERGY, JOINT = range(4)
-"""tests, by number"""
+NOTHING, MEAN, ENERGY, JOINT, RECKONED, IMPOSSIBLE = range(6)
+"""tests, by number: none, of the windows, of dead reckoning, and of what an estimate can be"""
 
 _FALSE_ALARM, _HORIZON = 0.01, 60.0  # probability of a false alarm in a time [s]
 _SOFT = 1e-3  # level of a channel that is to be used again
@@ -48,6 +48,10 @@ class Worst(NamedTuple):
     ratio: float
     test: int
     channel: int
+
+
+QUIET = Worst(0.0, NOTHING, -1)
+"""nothing was tested"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +80,6 @@ class Thresholds:
             np.append(math.inf, chdtri(soft, _SOFT)),
         )
 
-    def chi_square(self, freedom: int) -> float:
-        """Threshold of a statistic with this number of degrees of freedom."""
-        return float(self.energy[freedom])
-
 
 class Windows:
     """Sums of the innovations of l channels over the last updates."""
@@ -87,18 +87,20 @@ class Windows:
     def __init__(self, thresholds: Thresholds, channels: int, kappa: float = 1.0) -> None:
         """``kappa`` is the variance of the innovations over the declared one, with the outliers that are declared."""
         self.kappa = self.declared = kappa
-        self._channels, self._thresholds = channels, thresholds
-        self._sums = np.zeros((int(thresholds.lengths[-1]) + 1, 3 * channels + 2))  # of e, e^2, 1, then w'w and 1
-        self._k = 0
+        self._channels, self.thresholds = channels, thresholds
+        self.sums = np.zeros((int(thresholds.lengths[-1]) + 1, 3 * channels + 2))
+        """running sums of e, e^2 and 1 by channel, then of w'w and 1, in a ring"""
+        self.k = 0
+        """updates so far"""
 
     def clear(self) -> None:
         """Forget everything."""
-        self._sums[:] = 0.0
-        self._k = 0
+        self.sums[:] = 0.0
+        self.k = 0
 
     def forget(self, channel: int) -> None:
         """Forget what a channel read so far."""
-        self._sums[:, channel : 3 * self._channels : self._channels] = 0.0
+        self.sums[:, channel : 3 * self._channels : self._channels] = 0.0
 
     @property
     def excess(self) -> float:
@@ -109,36 +111,36 @@ class Windows:
         """A copy with sums of its own."""
         made = object.__new__(Windows)
         made.kappa, made.declared = self.kappa, self.declared
-        made._channels, made._thresholds = self._channels, self._thresholds
-        made._sums, made._k = self._sums.copy(), self._k
+        made._channels, made.thresholds = self._channels, self.thresholds
+        made.sums, made.k = self.sums.copy(), self.k
         return made
 
     def add(self, e: Array, white: Array) -> None:
         """Add the innovations of an update: e (l,) and w (l,), NaN where nothing was read, or used."""
-        _add(self._sums, self._k, e, white, CLIP)
-        self._k += 1
+        add(self.sums, self.k, e, white)
+        self.k += 1
 
     def worst(self, used: Flags) -> Worst:
         """The worst test over the channels that are ``used`` (l,)."""
-        known = self._thresholds
-        return Worst(*_worst(self._sums, self._k, used, known.lengths, self.kappa, known.z, known.energy))
+        known = self.thresholds
+        return Worst(*worst_of(self.sums, self.k, used, known.lengths, self.kappa, known.z, known.energy))
 
     def of_channel(self, channel: int) -> float:
         """The largest ratio of a channel's own tests."""
-        known = self._thresholds
-        return float(_of_channel(self._sums, self._k, channel, known.lengths, self.kappa, known.z, known.energy))
+        known = self.thresholds
+        return float(_of_channel(self.sums, self.k, channel, known.lengths, self.kappa, known.z, known.energy))
 
     def is_quiet(self, channel: int, length: int) -> bool:
         """True if the last ``length`` updates of a channel pass its tests at the soft level."""
-        if self._k < length:
+        if self.k < length:
             return False
         sums = self._since(length)
         e, squares, count = sums[channel : 3 * self._channels : self._channels]
         if count < FEWEST:
             return False
         mean = abs(e) / math.sqrt(self.kappa * count)
-        most = self.kappa * self._thresholds.soft_energy[round(count)]
-        return bool(mean <= self._thresholds.soft_z and squares <= most)
+        most = self.kappa * self.thresholds.soft_energy[round(count)]
+        return bool(mean <= self.thresholds.soft_z and squares <= most)
 
     def joint(self, length: int) -> tuple[float, int]:
         """Sum of w'w over the last ``length`` updates, and their number."""
@@ -147,31 +149,31 @@ class Windows:
 
     def _since(self, length: int) -> Array:
         """Sums over the last ``length`` updates, or over all."""
-        size = len(self._sums)
-        sums: Array = self._sums[self._k % size] - self._sums[(self._k - min(length, self._k)) % size]
+        size = len(self.sums)
+        sums: Array = self.sums[self.k % size] - self.sums[(self.k - min(length, self.k)) % size]
         return sums
 
 
 @njit(cache=True, nogil=True)
-def _add(sums: Array, k: int, e: Array, white: Array, clip: float) -> None:
+def add(sums: Array, k: int, e: Array, white: Array) -> None:
     """Write the running sums of update k + 1 behind those of k."""
     size, l = len(sums), len(e)  # noqa: E741
     before, after = sums[k % size], sums[(k + 1) % size]
     after[:] = before
     for i in range(l):
         if math.isfinite(e[i]):
-            clipped = min(max(e[i], -clip), clip)
+            clipped = min(max(e[i], -CLIP), CLIP)
             after[i] += clipped
             after[l + i] += clipped * clipped
             after[2 * l + i] += 1.0
         if math.isfinite(white[i]):
-            clipped = min(max(white[i], -clip), clip)
+            clipped = min(max(white[i], -CLIP), CLIP)
             after[3 * l] += clipped * clipped
             after[3 * l + 1] += 1.0
 
 
 @njit(cache=True, nogil=True)
-def _worst(
+def worst_of(
     sums: Array, k: int, used: Flags, lengths: Integers, kappa: float, z: float, energy: Array
 ) -> tuple[float, int, int]:
     """The worst ratio, its test and its channel."""

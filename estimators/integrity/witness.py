@@ -25,11 +25,11 @@ class Witness(Protocol):
 
     def take(
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
-    ) -> None:
-        """Take an update: the estimates before and after it, its readings, and which channels (l,) were used."""
+    ) -> Worst:
+        """Take an update, and return the worst test over the channels that were ``used`` (l,).
 
-    def worst(self, used: Flags) -> Worst:
-        """The worst test over the channels that are used."""
+        ``before`` and ``after`` are the estimates before and after it, the latter with a covariance.
+        """
 
     def stuck(self) -> list[int]:
         """Channels whose reading stays while what they should read moves."""
@@ -54,11 +54,11 @@ class Recovery(Protocol):
 def is_plausible(estimate: Estimate) -> bool:
     """True for a finite state with a covariance that is finite and positive semidefinite."""
     P = estimate.covariance
-    return P is not None and bool(_is_possible(estimate.x, P))
+    return P is not None and bool(is_possible(estimate.x, P))
 
 
 @njit(cache=True, nogil=True)
-def _is_possible(x: Array, P: Array) -> bool:
+def is_possible(x: Array, P: Array) -> bool:
     """True for finite x (n,) and P (m, m) whose Cholesky factor exists, but for rounding."""
     for value in x:
         if not math.isfinite(value):

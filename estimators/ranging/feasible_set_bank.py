@@ -43,12 +43,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Interval, Lt
 from scipy.special import chdtri
 
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.bank_kernels import (
     BY_HEADING,
     MOST_SLIP,
@@ -118,7 +121,7 @@ _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 class FeasibleSetBankConfig:
     """Fields of the command line."""
 
-    kernels: ClassVar[str] = "mathnavi.estimators.ranging.bank_kernels"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.estimators.ranging.ahead"  # compiled before the first run
 
     hypotheses: CountInMemory = 16
     """largest number of hypotheses"""
@@ -183,9 +186,9 @@ class FeasibleSetBank:
             self._bank.score[0] = 0.0
 
     @staticmethod
-    def build(config: FeasibleSetBankConfig, mission: RangingMission) -> FeasibleSetBank:
-        """Build the estimator of one run."""
-        return FeasibleSetBank(config, mission)
+    def build(config: FeasibleSetBankConfig, mission: RangingMission) -> Guarded:
+        """Build the estimator of one run, with its monitor of integrity."""
+        return guarded(partial(FeasibleSetBank, config), mission)
 
     @staticmethod
     def sensors(config: FeasibleSetBankConfig, mission: RangingMission) -> tuple[Sensor, ...]:
@@ -362,3 +365,8 @@ class FeasibleSetBank:
             return f"waits for {calls} readings to average: it has {self._calls}"
         needed = min(2, len(enough))
         return f"waits for ranges of {needed} beam{'s' * (needed > 1)} at one pose: it has {enough.sum()}"
+
+
+def pose_finder(mission: RangingMission) -> FeasibleSetBank:
+    """The bank, with its standard fields, by which a filter that lost the pose finds it again."""
+    return FeasibleSetBank(FeasibleSetBankConfig(), mission)

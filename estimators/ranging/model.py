@@ -46,6 +46,10 @@ class RangeModel:
         self.longest, self.too_long = carried.longest, carried.too_long  # [m]
         self._mission = mission
 
+    def __deepcopy__(self, memo: object) -> RangeModel:
+        """Itself: nothing changes it, and copies of an estimator share it."""
+        return self
+
     def range_variance(self, rho: Array) -> Array:
         """Variances (l,) [m^2] of readings of ranges rho (l,) [m]."""
         variance: Array = np.square(self.relative * rho) + self.absolute**2

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt, Interval
 from scipy.special import ndtri
 
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.kalman_kernels import step_within
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, clusters_of, fold
@@ -98,9 +101,9 @@ class RangeParticle:
         self._t: float | None = None  # [s] of the particles; None before the first call
 
     @staticmethod
-    def build(config: RangeParticleConfig, mission: RangingMission) -> RangeParticle:
-        """Build the estimator of one run."""
-        return RangeParticle(config, mission)
+    def build(config: RangeParticleConfig, mission: RangingMission) -> Guarded:
+        """Build the estimator of one run, with its monitor of integrity."""
+        return guarded(partial(RangeParticle, config), mission, most_out=0)
 
     @staticmethod
     def sensors(config: RangeParticleConfig, mission: RangingMission) -> tuple[Sensor, ...]:

@@ -29,12 +29,15 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Self
+from functools import partial
 
 import numpy as np
 
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
+from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.ranging.reader import RangeReader
@@ -70,9 +73,9 @@ class PoseFilter(ABC):
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
     @classmethod
-    def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Self:
-        """Build the estimator of one run."""
-        return cls(config, mission)
+    def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Guarded:
+        """Build the estimator of one run, with its monitor of integrity."""
+        return guarded(partial(cls, config), mission, finder=pose_finder)
 
     @staticmethod
     def sensors(config: PoseFilterConfig, mission: RangingMission) -> tuple[Sensor, ...]:

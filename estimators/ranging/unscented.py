@@ -9,12 +9,16 @@ used. If the start is unknown the filter begins at the centre with the covarianc
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt
 
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.kalman_steps import square_root
+from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.ranging.reader import RangeReader
@@ -59,9 +63,9 @@ class RangeUkf:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
     @staticmethod
-    def build(config: RangeUkfConfig, mission: RangingMission) -> RangeUkf:
-        """Build the estimator of one run."""
-        return RangeUkf(config, mission)
+    def build(config: RangeUkfConfig, mission: RangingMission) -> Guarded:
+        """Build the estimator of one run, with its monitor of integrity."""
+        return guarded(partial(RangeUkf, config), mission, finder=pose_finder)
 
     @staticmethod
     def sensors(config: RangeUkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:

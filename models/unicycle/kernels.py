@@ -36,18 +36,25 @@ def integrate(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
 
 
 @njit(cache=True, nogil=True)
+def motion(heading: float, u_1: float, u_2: float, dt: float) -> tuple[float, float, float, float, float, float]:
+    """Motion (2,) [m] from a ``heading`` [rad] under inputs held for dt [s], and its derivatives by u_1 and by u_2.
+
+    Its derivatives by the heading are (-y, x) of the motion (x, y); the heading grows by u_2 dt.
+    """
+    a = 0.5 * u_2 * dt
+    chord, direction = u_1 * dt * sinc(a), heading + a
+    c, s = math.cos(direction), math.sin(direction)
+    per_speed, per_turn = dt * sinc(a), 0.5 * u_1 * dt * dt * sinc_derivative(a)
+    by_turn_x, by_turn_y = per_turn * c - 0.5 * dt * chord * s, per_turn * s + 0.5 * dt * chord * c
+    return chord * c, chord * s, per_speed * c, per_speed * s, by_turn_x, by_turn_y
+
+
+@njit(cache=True, nogil=True)
 def integrate_jacobians(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array, Array]:
     """Derivatives of ``integrate`` by the pose (3,) [m, m, rad], F (3, 3), and by the inputs [m/s, rad/s], G (3, 2)."""
-    a = 0.5 * u_2 * dt
-    chord, direction = u_1 * dt * sinc(a), pose[2] + a
-    c, s = math.cos(direction), math.sin(direction)
     F, G = np.eye(3), np.zeros((3, 2))
-    F[0, 2], F[1, 2] = -chord * s, chord * c
-    per_speed, per_turn = dt * sinc(a), 0.5 * u_1 * dt * dt * sinc_derivative(a)
-    G[0, 0], G[1, 0] = per_speed * c, per_speed * s
-    G[0, 1] = per_turn * c - 0.5 * dt * chord * s
-    G[1, 1] = per_turn * s + 0.5 * dt * chord * c
-    G[2, 1] = dt
+    x, y, G[0, 0], G[1, 0], G[0, 1], G[1, 1] = motion(pose[2], u_1, u_2, dt)
+    F[0, 2], F[1, 2], G[2, 1] = -y, x, dt
     return F, G
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mathnavi.estimators.integrity.guard import alone
 from mathnavi.estimators.observability.region import exact_run
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.fields import instance, with_fields
@@ -482,7 +483,7 @@ def ranging_drift(started: OnTruth) -> float:
     mission = RangingMission(STANDARD, case.outputs.angles, start=known)
     run = exact_run(mission, start, driving, _SOON)
     plugin = load("estimators", started.estimator)
-    estimator = plugin.build(with_fields(plugin.Config(), started.fields), mission)
+    estimator = alone(plugin.build(with_fields(plugin.Config(), started.fields), mission))  # what is declared of it
     found = [estimator.update(*each) for each in zip(run.t, run.readings, run.commands, strict=True)]
     return max(math.hypot(*mission.error(one.x, truth)) for one, truth in zip(found, run.truth, strict=True))
 

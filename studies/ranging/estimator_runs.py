@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mathnavi.estimators.integrity.guard import alone
 from mathnavi.estimators.observability.region import ConvergenceCriterion, ExactRun, exact_run, region_of_convergence
 from mathnavi.estimators.ranging.bank_kernels import (
     Hypotheses,
@@ -131,7 +132,7 @@ def _found(name: str, run: ExactRun, near: Array, seed: int) -> EstimatorResult:
     if name == FLOOR:
         mission = dataclasses.replace(mission, start=KnownStart((near[0], near[1], near[2]), (NEAR, NEAR, NEAR)))
     own: dict[str, Any] = {"seed": seed} if name in (BANK, PARTICLES) else {}
-    estimator = plugin.build(plugin.Config(**own), mission)
+    estimator = alone(plugin.build(plugin.Config(**own), mission))  # a monitor would begin a filter again from the bank
     estimates: list[Estimate] = [
         estimator.update(t, readings, command)
         for t, readings, command in zip(run.t, run.readings, run.commands, strict=True)

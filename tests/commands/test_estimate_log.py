@@ -17,7 +17,8 @@ import mathnavi as mn
 from neighbour import wall
 
 def mission():
-    return mn.RangingMission(wall, (0.0, 1.5), mn.RangeQuality(absolute=0.01), period=0.05)
+    start = mn.KnownStart((1.0, 0.5, 0.3))
+    return mn.RangingMission(wall, (0.0, 1.5), mn.RangeQuality(absolute=0.01), start=start, period=0.05)
 
 nothing = None
 """
@@ -52,7 +53,10 @@ def test_a_log_is_estimated_as_by_a_script(folder: Path, capsys: pytest.CaptureF
         "log.csv", time="time", readings={"ranges": ["front", "left"], "odometry": ["v", "w"]}, sep=";", decimal=",",
         units={"w": "deg/s"},
     )  # fmt: skip
-    mission = mn.RangingMission(mn.ellipse(3.0, 2.0), (0.0, 1.5), mn.RangeQuality(absolute=0.01), period=0.05)
+    mission = mn.RangingMission(
+        mn.ellipse(3.0, 2.0), (0.0, 1.5), mn.RangeQuality(absolute=0.01), start=mn.KnownStart((1.0, 0.5, 0.3)),
+        period=0.05,
+    )  # fmt: skip
     found = mn.estimate("range_iekf", mission, log, timeout=0.4)
     assert printed == f"{found!r}\nestimates  log-range_iekf\n"
     assert "log.csv: line 32 is cut off and left out: '1500;16'" in said

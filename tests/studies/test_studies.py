@@ -54,6 +54,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
     "active-control": {"seeds": 1, "others": 1, "tracked": 1, "seconds": 1, "searched": 1, "depth": 1},
     "mismatch": {"seeds": 1, "seconds": 1},
+    "integrity": {"seeds": 1, "alone": 1, "faults": 2, "estimators": 1},
     "introduction-examples": {"grid": 2, "starts": 1, "pairs": 2},
     "observer-properties": {"starts": 1, "subjects": 1, "seconds": 1},
     "observability": {
@@ -154,6 +155,7 @@ CLAIMS = {
     "monitors": {"B.arclength-best-problems", "ocp.monitors-radau"},
     "active-control": {"range.active", "range.active-limit", "C.input-decides", "C.basis", "C.deliberate"},
     "mismatch": {"mismatch.converged", "mismatch.sure-and-wrong", "mismatch.consistency"},
+    "integrity": {"integrity.sure-and-wrong", "integrity.false-alarm", "integrity.recovers"},
     "introduction-examples": {
         *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),
         *("I.example-2-2-observer", "I.linear-error-dynamics", "I.equation-2-4"),

@@ -1,0 +1,20 @@
+"""The kernels of the monitor of a pose, compiled before a run (``sim.engine.compilation``)."""
+
+from __future__ import annotations
+
+from numba.core import types
+
+from mathnavi.estimators.integrity.pose_kernels import begin_branch, observe
+from mathnavi.estimators.integrity.witness import is_possible
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ, array
+
+_NUMBER, _WHOLE = types.float64, array(1, types.int64)
+_FIXED = (TWO_READ, TWO_READ, ONE, ONE, _WHOLE, ONE)  # wall, angles, constants, lengths, thresholds
+_KEPT = (TWO, TWO, TWO, types.int64, _NUMBER)  # sums, branches, repeats, k, kappa
+_UPDATE = (ONE, TWO, ONE, TWO, _NUMBER, ONE, ONE, ONE, array(1, types.boolean))  # estimates, dt, readings, rays
+KERNELS: tuple[Signature, ...] = (
+    (observe, (*_FIXED, *_KEPT, *_UPDATE)),
+    (begin_branch, (TWO, ONE, TWO)),
+    (is_possible, (ONE, TWO)),
+)

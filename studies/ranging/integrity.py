@@ -1,0 +1,471 @@
+"""Integrity: how long is an estimator of a pose sure of a wrong one while its sensors fail?
+
+A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
+readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
+monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare.
+
+**Sure and wrong** is an estimate that is OK while its error is above three of its standard deviations for more than a
+second: of the position by its norm, against the largest standard deviation of any direction, and of the heading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+from mathnavi.estimators.integrity.guard import alone
+from mathnavi.interfaces.bounds import Count, configuration
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.renders.figures import INK
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.plugin.registry import load
+from mathnavi.sim.records.claims import Claim
+from mathnavi.studies.framework.drawing import styled_figure
+from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
+
+FIRST_SEED = 5000  # no threshold of the monitor was chosen on these
+WALL = Curve(
+    (
+        (2.206, 0.0, 1.301, 0.0),
+        (-1.931, 1.153, -0.913, -1.451),
+        (-0.028, -0.028, -0.053, 0.104),
+        (-0.039, 0.003, -0.149, 0.064),
+        (0.004, -0.047, -0.081, -0.049),
+        (-0.081, 0.018, 0.01, 0.042),
+        (-0.028, -0.029, 0.005, -0.005),
+        (-0.007, 0.032, -0.037, -0.012),
+        (-0.011, -0.001, -0.007, -0.008),
+    )
+)
+"""through (0, 0), (4, -0.2), (4.6, 2), (2.4, 3.2) and (0.2, 2.4) [m], but for its harmonics beyond the eighth"""
+ANGLES = np.array([0.0, 0.5 * math.pi, -1.75])  # [rad] of the rays
+PERIOD, FINE = 0.02, 0.01  # [s] of the readings and of the truth
+DURATION, ONSET, END = 30.0, 8.0, 18.0  # [s] of a run, and of its fault
+SETTLED = 3.0  # [s] until which a filter may be wrong by the start that it was told
+NOISE, ODOMETRY, UNSURE = 0.02, (0.02, 0.02), 0.05  # [m], [m/s, rad/s]; [m, rad] deviation of a start that is known
+SPEED, TURN, MARGIN = 0.25, 1.0, 0.5  # [m/s], [rad/s] at most; [m] between the places to drive to and the wall
+LASTING = 1.0  # [s] for which an estimate is wrong before it counts
+DEVIATIONS = 3.0
+CARRIED = 2.0  # [m]
+FINDING = ("feasible_set_bank", "range_certified")  # estimators that are not told the start
+ESTIMATORS = (
+    "range_ekf", "feasible_set_bank", "range_ukf", "range_iekf", "range_certified", "moving_horizon", "range_particle",
+)  # fmt: skip
+MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
+COLOURS = {True: "#0d5fa8", False: "#c2183b"}
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A drive that its sensors read without a fault: n updates, of l rays."""
+
+    truth: Array  # (n, 3) [m, m, rad] at the updates
+    fine: Array  # (m, 3) every ``FINE`` seconds from 0 s on
+    ranges: Array  # (n, l) [m]
+    noise: Array  # (n, l) [m] in them
+    odometry: Array  # (n, 2) [m/s, rad/s]
+    commands: Array  # (n, 2)
+
+
+Fault = Callable[[Drive, slice, np.random.Generator], None]
+"""change of the readings of a drive, in place, in the updates of a slice"""
+
+
+def _ray(rng: np.random.Generator) -> int:
+    return int(rng.integers(len(ANGLES)))
+
+
+def _none(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    pass
+
+
+def _blocked(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    ray = _ray(rng)
+    drive.ranges[during, ray] = 0.3 + drive.noise[during, ray]
+
+
+def _stuck(drive: Drive, during: slice, rng: np.random.Generator, count: int = 1) -> None:
+    for ray in rng.permutation(len(ANGLES))[:count]:
+        drive.ranges[during, ray] = drive.ranges[during.start, ray]
+
+
+def _two_stuck(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    _stuck(drive, during, rng, 2)
+
+
+def _scaled(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    drive.ranges[during, _ray(rng)] *= 1.1
+
+
+def _slightly_scaled(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    drive.ranges[during, _ray(rng)] *= 1.02
+
+
+def _offset(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    drive.ranges[during, _ray(rng)] += 0.1
+
+
+def _no_odometry(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    drive.odometry[during.start : during.start + round(3.0 / PERIOD)] = np.nan
+
+
+def _fast_odometry(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    drive.odometry[during] *= 1.1
+
+
+def _noisy(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    drive.ranges[during] += 2.0 * drive.noise[during]
+
+
+def _drift(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    speed = rng.choice((-1.0, 1.0)) * rng.uniform(0.01, 0.05)  # [m/s]
+    drive.ranges[during, _ray(rng)] += speed * PERIOD * np.arange(during.stop - during.start)
+
+
+def _doubled(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    """Every second reading is the one before, with a new time stamp."""
+    drive.ranges[during.start + 1 : during.stop : 2] = drive.ranges[during.start : during.stop - 1 : 2]
+
+
+def _late(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    """Ranges of 50 ms ago with the stamp of now."""
+    for k in range(during.start, during.stop):
+        ago = drive.fine[round((PERIOD * (k + 1) - 0.05) / FINE)]
+        drive.ranges[k] = WALL.ranges(ago, ANGLES)[0] + drive.noise[k]
+
+
+FAULTS: dict[str, Fault] = {
+    "none": _none,
+    "a ray reads 0.3 m": _blocked,
+    "a ray stuck": _stuck,
+    "two rays stuck": _two_stuck,
+    "a ray times 1.1": _scaled,
+    "a ray times 1.02": _slightly_scaled,
+    "a ray 0.1 m too long": _offset,
+    "no odometry for 3 s": _no_odometry,
+    "odometry times 1.1": _fast_odometry,
+    "carried away 2 m": _none,  # the robot itself, not its readings
+    "noise times 3": _noisy,
+    "a ray drifts": _drift,
+    "every reading twice": _doubled,
+    "ranges 50 ms late": _late,
+}
+AWAY = "carried away 2 m"
+
+
+@configuration
+class IntegrityConfig:
+    """Sample sizes."""
+
+    seeds: Count = 20
+    """number of drives of each estimator under each fault"""
+    alone: Count = 5
+    """number of those that are also run without the monitor"""
+    faults: Count = len(FAULTS)
+    """number of faults, none among them"""
+    estimators: Count = len(ESTIMATORS)
+    """number of estimators"""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A run of an estimator under a fault."""
+
+    estimator: str
+    fault: str
+    seed: int
+    monitored: bool
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a run."""
+
+    position: float  # share of the time from the fault on in which it is sure and wrong
+    heading: float
+    false: float  # share of the time before the fault in which it is not OK, from 3 s on
+    detected: float  # [s] from the fault until it is not OK; NaN if it always is
+    recovered: float  # [s] from the end of the fault until it is OK and right for good; NaN if it never is
+
+
+class Integrity:
+    """Estimators of a pose while their sensors fail (Paper C)."""
+
+    Config = IntegrityConfig
+    quick = IntegrityConfig(seeds=1, alone=1, faults=3, estimators=2)
+    title = "Sensors that fail: no estimator of a pose is sure and wrong"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: IntegrityConfig, setup: Setup) -> StudyResult:
+        jobs = Jobs()
+        for estimator in ESTIMATORS[: config.estimators]:
+            for fault in [*FAULTS][: config.faults]:
+                for seed in range(FIRST_SEED, FIRST_SEED + config.seeds):
+                    for monitored in (True, False)[: 1 + (seed < FIRST_SEED + config.alone)]:
+                        run = Watched(estimator, fault, seed, monitored)
+                        jobs.add(run, watched, [run])
+        rows = [
+            {"estimator": run.estimator, "fault": run.fault, "seed": run.seed, "monitored": run.monitored, **vars(done)}
+            for run, (done,) in jobs.done(setup).items()
+        ]
+        cells = [
+            Cell(estimator, fault, rows)
+            for estimator in ESTIMATORS[: config.estimators]
+            for fault in [*FAULTS][: config.faults]
+        ]
+        return StudyResult(
+            summary=(
+                f"{config.seeds} drives of {DURATION:g} s each, the fault from {ONSET:g} to {END:g} s (the robot is "
+                f"carried away at {ONSET:g} s for good); three rays, deviations {NOISE:g} m of a range and "
+                f"{ODOMETRY[0]:g} of the odometry, {1.0 / PERIOD:g} readings a second. {' and '.join(FINDING)} are not "
+                f"told the start. Ray and drift are drawn. The first {min(config.alone, config.seeds)} drives are also "
+                "run without the monitor.",
+            ),
+            rows=rows,
+            tables=tables(cells),
+            figure=figure(cells),
+            caption="Each dot is an estimator under a fault: (a) share of the time from the fault on in which it is "
+            "sure and wrong, of position or heading, with its monitor (blue) and without (red), dotted the most that "
+            "is allowed; (b) median time until it is not OK; (c) median time from the end of the fault until it is OK "
+            "and right for good.",
+            claims=claims(cells),
+        )  # fmt: skip
+
+
+class Cell:
+    """Runs of an estimator under a fault, with and without its monitor."""
+
+    def __init__(self, estimator: str, fault: str, rows: Sequence[dict[str, Any]]) -> None:
+        self.estimator, self.fault = estimator, fault
+        chosen = [row for row in rows if row["estimator"] == estimator and row["fault"] == fault]
+        self.with_, self.without = ([row for row in chosen if row["monitored"] is each] for each in (True, False))
+
+    def wrong(self, monitored: bool = True) -> float:
+        """The larger share, of position and of heading, that is sure and wrong."""
+        rows = self.with_ if monitored else self.without
+        return max(float(np.mean([row[name] for row in rows])) for name in ("position", "heading"))
+
+    def median(self, name: str) -> float:
+        """Median [s] over the runs that have one; NaN if most have none."""
+        values = np.array([row[name] for row in self.with_])
+        return float(np.median(np.where(np.isnan(values), np.inf, values)))
+
+    @property
+    def recovered(self) -> float:
+        return float(np.mean([not math.isnan(row["recovered"]) for row in self.with_]))
+
+    @property
+    def false(self) -> float:
+        return float(np.mean([row["false"] for row in self.with_]))
+
+    @property
+    def name(self) -> str:
+        return f"{self.estimator}, {self.fault}"
+
+
+def tables(cells: Sequence[Cell]) -> tuple[Table, ...]:
+    """One table for each figure, the faults by the estimators."""
+    estimators, faults = (
+        [*dict.fromkeys(names)] for names in zip(*((e.estimator, e.fault) for e in cells), strict=True)
+    )
+    by_name = {(e.estimator, e.fault): e for e in cells}
+
+    def table(title: str, text: Callable[[Cell], str]) -> Table:
+        rows = [(fault, *(text(by_name[estimator, fault]) for estimator in estimators)) for fault in faults]
+        return Table(title, ("fault", *estimators), rows)
+
+    return (
+        table(
+            "Sure and wrong, with the monitor (without) [%]",
+            lambda e: f"{100.0 * e.wrong():.2f} ({100.0 * e.wrong(False):.0f})",
+        ),
+        table("Median time until it is not OK [s]", lambda e: _seconds(e.median("detected"))),
+        table(
+            "Recovered, and the median time after the fault [s]",
+            lambda e: f"{100.0 * e.recovered:.0f} %, {_seconds(e.median('recovered'))}",
+        ),
+        table("Not OK before the fault [%]", lambda e: f"{100.0 * e.false:.2f}"),
+    )
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "–"
+
+
+def claims(cells: Sequence[Cell]) -> list[Claim]:
+    """Evaluate every claim of the study."""
+    wrong = [e for e in cells if e.wrong() > MOST_WRONG]
+    lost = [e for e in cells if e.recovered < LEAST_RECOVERED]
+    false = {
+        name: float(np.mean([e.false for e in cells if e.estimator == name]))
+        for name in dict.fromkeys(e.estimator for e in cells)
+    }
+    before = [e.wrong(False) for e in cells if e.fault != "none"]
+    worst = max(cells, key=Cell.wrong)
+    named = "; ".join(f"{e.name}: {e.wrong():.1%}" for e in wrong)
+    return [
+        Claim(
+            "integrity.sure-and-wrong", "target", "An estimator of a pose whose sensors fail is not sure and wrong.",
+            "C.4", f"OK with an error above three deviations for more than a second: <= {MOST_WRONG:.1%} of the time "
+            "from the fault on, for each estimator and fault",
+            f"{len(cells) - len(wrong)} of {len(cells)}; largest {worst.wrong():.1%}, {worst.name}; without the "
+            f"monitor {np.mean(before) if before else 0.0:.0%} on average" + f". Beyond: {named}" * bool(wrong),
+            not wrong,
+        ),
+        Claim(
+            "integrity.false-alarm", "target", "The monitor is silent while no sensor fails.", "C.4",
+            f"not OK before the fault, from {SETTLED:g} s on: <= {MOST_FALSE:.0%} of the time of each estimator",
+            ", ".join(f"{name} {share:.2%}" for name, share in false.items()), max(false.values()) <= MOST_FALSE,
+        ),
+        Claim(
+            "integrity.recovers", "target", "An estimator is right again once its sensors are.", "C.4",
+            f"OK and right for good within {DURATION - END:g} s: >= {LEAST_RECOVERED:.0%} of the runs of each "
+            "estimator and fault", f"{len(cells) - len(lost)} of {len(cells)}"
+            + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,
+        ),
+    ]  # fmt: skip
+
+
+def figure(cells: Sequence[Cell]) -> Figure:
+    """Draw three panels over the faults: sure and wrong, detection, recovery."""
+    faults = [*dict.fromkeys(e.fault for e in cells)]
+    with styled_figure((12.0, 4.8), ConstrainedLayoutEngine(w_pad=0.08)) as drawn:
+        wrong, detected, recovered = drawn.subplots(1, 3, sharey=True)
+        for monitored, shift in ((False, 0.15), (True, -0.15)):
+            shares = [100.0 * e.wrong(monitored) if monitored or e.without else math.nan for e in cells]
+            label = "with its monitor" if monitored else "without"
+            _dots(wrong, [faults.index(e.fault) + shift for e in cells], shares, COLOURS[monitored], label)
+        wrong.axvline(100.0 * MOST_WRONG, color=INK, lw=1.0, ls=":")
+        wrong.set_xscale("symlog", linthresh=1.0)
+        wrong.set(xlim=(-0.1, 110.0), xlabel="sure and wrong [% of the time]", title="(a) sure and wrong")
+        wrong.set_yticks(range(len(faults)), faults)
+        wrong.invert_yaxis()
+        wrong.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
+        rows = [faults.index(e.fault) for e in cells]
+        _dots(detected, rows, [e.median("detected") for e in cells], COLOURS[True])
+        detected.set_xscale("symlog", linthresh=0.1)
+        detected.set(xlabel="time until it is not OK [s]", title="(b) detection")
+        _dots(recovered, rows, [e.median("recovered") for e in cells], COLOURS[True])
+        recovered.set(xlabel="time after the fault until it is right [s]", title="(c) recovery")
+    return drawn
+
+
+def _dots(axes: Axes, y: Sequence[float], x: Sequence[float], colour: str, label: str = "") -> None:
+    finite = np.where(np.isfinite(x), x, np.nan)
+    axes.plot(finite, y, "o", ms=5.0, color=colour, alpha=0.6, mew=0, label=label or None)
+
+
+def watched(run: Watched) -> Outcome:
+    """A job: what becomes of an estimator under a fault; the seed determines drive and fault."""
+    rng = np.random.default_rng(run.seed)
+    drive = driven(rng, carried=run.fault == AWAY)
+    first = drive.fine[0] + UNSURE * rng.standard_normal(3)
+    FAULTS[run.fault](drive, slice(round(ONSET / PERIOD), round(END / PERIOD)), rng)
+    start = None if run.estimator in FINDING else KnownStart((first[0], first[1], first[2]), (UNSURE, UNSURE, UNSURE))
+    plugin = load("estimators", run.estimator)
+    estimator = plugin.build(plugin.Config(), _mission(start))
+    estimator = estimator if run.monitored else alone(estimator)
+    estimates = [estimator.update(*update) for update in _updates(drive)]
+    return judged(estimates, drive.truth, persists=run.fault == AWAY)
+
+
+def _mission(start: KnownStart | None) -> RangingMission:
+    quality, odometry = RangeQuality(absolute=NOISE), OdometryQuality(noise=ODOMETRY)
+    return RangingMission(WALL, tuple(ANGLES.tolist()), quality, odometry, start=start, period=PERIOD)
+
+
+def _updates(drive: Drive) -> Iterator[tuple[float, tuple[Measurement, ...], Array]]:
+    for k, (rho, u, command) in enumerate(zip(drive.ranges, drive.odometry, drive.commands, strict=True)):
+        t = PERIOD * (k + 1)
+        yield t, (Measurement("ranges", t, rho), Measurement("odometry", t, u)), command
+
+
+def driven(rng: np.random.Generator, *, carried: bool = False) -> Drive:
+    """Drive from place to place within the wall, without a fault but for a robot that is ``carried`` away at ONSET."""
+    mission, x = _mission(None), np.array([*_place(rng), rng.uniform(-math.pi, math.pi)])
+    place, fine, commands = _place(rng), [x], []
+    ratio, u = round(PERIOD / FINE), np.zeros(2)
+    for k in range(round(DURATION / FINE)):
+        if carried and k == round(ONSET / FINE):
+            x = _carried(x, rng)
+        if k % ratio == 0:
+            while math.dist(place, x[:2]) < 0.3:
+                place = _place(rng)
+            turn = math.remainder(math.atan2(place[1] - x[1], place[0] - x[0]) - x[2], 2.0 * math.pi)
+            u = np.array([SPEED * max(0.2, math.cos(turn)), min(max(2.0 * turn, -TURN), TURN)])
+            commands.append(u)
+        x = mission.flow(x, u, FINE)
+        fine.append(x)
+    truth = np.array(fine)[ratio::ratio]
+    noise = NOISE * rng.standard_normal((len(truth), len(ANGLES)))
+    ranges = np.array([WALL.ranges(pose, ANGLES)[0] for pose in truth]) + noise
+    odometry = np.array(commands) + ODOMETRY * rng.standard_normal((len(truth), 2))
+    return Drive(truth, np.array(fine), ranges, noise, odometry, np.array(commands))
+
+
+def _place(rng: np.random.Generator) -> tuple[float, float]:
+    """Draw a point [m] that is well within the wall."""
+    low, high = WALL.polyline.min(axis=0), WALL.polyline.max(axis=0)
+    while not WALL.contains(point := rng.uniform(low, high), MARGIN):
+        pass
+    return float(point[0]), float(point[1])
+
+
+def _carried(x: Array, rng: np.random.Generator) -> Array:
+    """Draw the pose (3,) of a robot that is carried 2 m away, or as far as the wall lets it."""
+    for distance in np.arange(CARRIED, 0.0, -0.1):
+        for angle in rng.uniform(-math.pi, math.pi, 100):
+            to = x[:2] + distance * np.array([math.cos(angle), math.sin(angle)])
+            if WALL.contains(to, MARGIN):
+                return np.array([*to, x[2]])
+    raise AssertionError("no place within the wall")
+
+
+def judged(estimates: Sequence[Estimate], truth: Array, *, persists: bool = False) -> Outcome:
+    """Judge the estimates of a run by the truth (n, 3); one recovers from a fault that ``persists`` while it does."""
+    ok = np.array([each.status is Status.OK for each in estimates])
+    far, turned = (np.array(each) for each in zip(*map(_wrong, estimates, truth), strict=True))
+    onset, end = round(ONSET / PERIOD), round((ONSET if persists else END) / PERIOD)
+    later = slice(onset, None)
+    missing = np.flatnonzero(~ok[onset:])
+    wrong = _lasting(ok & far), _lasting(ok & turned)
+    bad = np.flatnonzero(~ok | wrong[0] | wrong[1])
+    whole = int(bad[-1]) + 1 if len(bad) else 0  # the update from which on it is right for good
+    settled = len(ok) - round(LASTING / PERIOD)
+    return Outcome(
+        position=wrong[0][later].mean().item(),
+        heading=wrong[1][later].mean().item(),
+        false=(~ok[round(SETTLED / PERIOD) : onset]).mean().item(),
+        detected=PERIOD * float(missing[0]) if len(missing) else math.nan,
+        recovered=PERIOD * max(0, whole - end) if whole <= settled else math.nan,
+    )
+
+
+def _wrong(estimate: Estimate, x: Array) -> tuple[bool, bool]:
+    """True for a position, and for a heading, whose error is above three deviations."""
+    P, d = estimate.covariance, estimate.x - x
+    if P is None:
+        return False, False
+    limit = DEVIATIONS * math.sqrt(max(float(np.linalg.eigvalsh(P[:2, :2])[-1]), 0.0))
+    turn = abs(math.remainder(d[2], 2.0 * math.pi))
+    return math.hypot(d[0], d[1]) > limit, turn > DEVIATIONS * math.sqrt(max(P[2, 2], 0.0))
+
+
+def _lasting(wrong: np.ndarray) -> np.ndarray:
+    """True (n,) within stretches that last for more than ``LASTING``."""
+    edges = np.flatnonzero(np.diff([0, *wrong.astype(int), 0]))
+    lasting = np.zeros(len(wrong), dtype=bool)
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        lasting[begin:end] = end - begin > LASTING / PERIOD
+    return lasting

@@ -205,4 +205,4 @@ class _Intrinsic:
     def _is_reached(self, y: Array) -> bool:
         """True if the system can have reached y since the last reading."""
         moved = innovation(self._manifold, self._y, y)
-        return moved is not None and self._gate.passes(self._y, moved, self._since)
+        return moved is not None and self._gate.passes(moved, self._since)

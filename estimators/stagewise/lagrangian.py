@@ -46,11 +46,9 @@ class LagrangianModel:
     def start(self, reading: Array | None) -> tuple[Array, Array] | None:
         if reading is None:
             return None
-        manifold = self._manifold
-        lengths = np.array([manifold.norm(reading, manifold.vector(reading, axis)) for axis in np.eye(self.rows)])
-        velocity = self._mission.speed_max / lengths
+        velocity = np.full(self.rows, self._mission.speed_max)
         P = np.diag(np.square(np.concatenate([self.deviation(reading), velocity])))
-        return np.concatenate([reading, np.zeros(manifold.vector_size)]), P
+        return np.concatenate([reading, np.zeros(self._manifold.vector_size)]), P
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         return ((end - begin, command.copy()),)
@@ -86,7 +84,7 @@ class LagrangianModel:
         return self._errors.difference(other, x)
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """Infinite limits: the speed is bounded in the metric, not by component."""
+        """Infinite limits: an estimate that is too fast is not OK, instead of one at the limit that is."""
         high = np.full(self.size, np.inf)
         return -high, high
 

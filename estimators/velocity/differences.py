@@ -61,7 +61,7 @@ class Differences:
     def correct(self, y: Array, h: float) -> bool:
         """Take a reading y (size,), h [s] after the last that was used; True if it was used."""
         moved = innovation(self._manifold, self._y, y)
-        good = moved is not None and self._gate.passes(self._y, moved, h)
+        good = moved is not None and self._gate.passes(moved, h)
         if not self._outlier_counter.admits(good):
             return False
         if moved is None or not good or h > self._timeout:  # a difference over a longer time says nothing about v

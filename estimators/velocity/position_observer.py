@@ -2,8 +2,10 @@
 
 It predicts to each reading, conditions on it, and predicts to the time of the estimate. If a step of the law fails,
 beyond the range of its coordinates or with a result that is not finite, it keeps the last finite state and is lost; it
-starts again at the next reading. A ``SafeAnswer`` checks the estimate against the readings, and replaces it by their
-differences while they contradict it; both changes are events.
+starts again at the next reading. An estimate that cannot be (``possible``) is lost too, and the law starts again if its
+covariance is none, or if it is too fast for longer than the timeout. Where readings were refused so long that the law
+is wrong and not they, the estimate is degraded until it has settled again. A ``SafeAnswer`` checks the estimate against
+the readings, and replaces it by their differences while they contradict it; both changes are events.
 
 Law of constant gains that refuses readings that the system cannot have reached, unless they persist.
 """
@@ -18,7 +20,8 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
-from mathnavi.estimators.velocity.readings import OutlierCounter, PositionReader, SpeedGate, innovation
+from mathnavi.estimators.velocity.possible import is_covariance, possible_or_lost
+from mathnavi.estimators.velocity.readings import LASTING, OutlierCounter, PositionReader, SpeedGate, innovation
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -57,7 +60,7 @@ class GatedLaw(ABC):
         manifold, size = self._manifold, self._manifold.size
         x, v = self._state[:size], self._state[size:]
         moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
-        good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
+        good = moved is not None and L is not None and self._gate.passes(moved, h)
         if not self._outlier_counter.admits(good):
             return False
         if L is None or not good:
@@ -126,7 +129,10 @@ class PositionObserver:
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
         self._farthest = max(FARTHEST, 100.0 * mission.period)  # [s] of one prediction
+        self._mission, self._timeout = mission, timeout
+        self._impossible_since = math.inf  # [s]
         self._refused, self._restarts = 0, 0
+        self._refused_in_a_row = 0
         self._extra = dict(law.extra)
         self._safe_answer = safe_answer
 
@@ -156,7 +162,20 @@ class PositionObserver:
         covariance = None if self._t is None else self._law.state_covariance
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
-        return Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+        estimate = Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+        found = possible_or_lost(self._mission, estimate)
+        if found is estimate:
+            self._impossible_since = math.inf
+        else:
+            self._give_up(t, covariance)
+        return found
+
+    def _give_up(self, t: float, covariance: Array | None) -> None:
+        """Start the law again at the next reading if an estimate that cannot be will not mend by itself."""
+        self._impossible_since = min(self._impossible_since, t)
+        beyond_repair = covariance is not None and not is_covariance(covariance)
+        if beyond_repair or t - self._impossible_since > self._timeout:
+            self._t, self._impossible_since = None, math.inf
 
     def events(self) -> list[tuple[str, str]]:
         """Return the kinds and messages of what has happened since the last call."""
@@ -178,9 +197,12 @@ class PositionObserver:
     def _take(self, t: float, y: Array) -> bool:
         """Condition the law on a reading; True if the law was started at it."""
         if self._t is None:
-            self._restarts += self._timeout_monitor.t > -math.inf
+            again = self._timeout_monitor.t > -math.inf
+            self._restarts += again
             self._t = t
             self._timeout_monitor.note(t, agrees=False)
+            if again and self._safe_answer is None:  # nothing is known of the velocity, and nothing else asks
+                self._timeout_monitor.restart(t)
             self._try(lambda: self._law.start(y))
             return True
         if t < self._t - TIME_TOLERANCE:  # too late: the law is ahead
@@ -191,7 +213,12 @@ class PositionObserver:
         self._timeout_monitor.note(t, used == [True])
         if used == [False]:
             self._refused += 1
+            self._refused_in_a_row += 1
             self.counts.add(Unused.OUTLIER)
+        elif used:
+            if self._refused_in_a_row >= LASTING:  # they were none: the law was wrong
+                self._timeout_monitor.restart(t)
+            self._refused_in_a_row = 0
         return False
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:

@@ -132,6 +132,7 @@ class ErrorStateFilter:
         self._n = self._manifold.dimension
         self._bundle, self._limit = StateErrors(self._manifold), float(chdtri(self._n, model.gate))
         self.covariance = np.full((2 * self._n, 2 * self._n), np.nan)  # P, of e
+        self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self._nis = math.nan
 
     @property
@@ -159,10 +160,16 @@ class ErrorStateFilter:
         """Start at a first reading y (size,), with its variance and that of a velocity of the mission's maximum."""
         manifold = self._manifold
         self._state = np.concatenate([y, np.zeros(manifold.vector_size)])
-        self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
+        variance = reading_variance(self._mission, y) if self._variance is None else self._variance
+        self._R = np.maximum(variance, self._model.noise_floor**2)
         velocity = np.full(self._n, self._mission.speed_max**2)
         self.covariance = np.diag(np.concatenate([self._R, velocity]))
         self._outlier_counter, self._nis = OutlierCounter(), math.nan
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume these errors of a reading from now on."""
+        self._variance = variance
+        self._R = np.maximum(variance, self._model.noise_floor**2)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held.

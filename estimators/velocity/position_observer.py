@@ -21,6 +21,7 @@ import numpy as np
 
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.possible import is_covariance, possible_or_lost
+from mathnavi.estimators.velocity.reading_errors import ReadingErrors
 from mathnavi.estimators.velocity.readings import LASTING, OutlierCounter, PositionReader, SpeedGate, innovation
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
@@ -42,6 +43,7 @@ class GatedLaw(ABC):
     def __init__(self, mission: LagrangianMission, bandwidth: float) -> None:
         """``bandwidth`` [1/s] is that of the poles of its errors."""
         self._mission, self._manifold = mission, mission.system.manifold
+        self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self.settling = TIME_CONSTANTS / bandwidth
 
     @property
@@ -53,7 +55,12 @@ class GatedLaw(ABC):
         """Start at the point y (size,) with v = 0."""
         self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
         self._y = y  # the last reading that was used
-        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume these errors of a reading from now on."""
+        self._variance = variance
+        self._gate.learn(variance)
 
     def correct(self, y: Array, h: float) -> bool:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
@@ -102,6 +109,12 @@ class VelocityLaw(Protocol):
         """Start at the point y (size,) with v = 0."""
         ...
 
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume from now on, and after later starts, that the coordinates of a reading have this variance (n,), and
+        that encoders round them to ``steps`` (n,), 0 without. It is called after ``start`` only.
+        """
+        ...
+
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held, to a reading y (size,), which ``correct`` then uses, or to none.
 
@@ -135,6 +148,7 @@ class PositionObserver:
         self._refused_in_a_row = 0
         self._extra = dict(law.extra)
         self._safe_answer = safe_answer
+        self._errors = ReadingErrors(mission)  # of the readings
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
@@ -162,7 +176,9 @@ class PositionObserver:
         covariance = None if self._t is None else self._law.state_covariance
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
-        estimate = Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+        estimate = self._errors.doubted(
+            Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+        )
         found = possible_or_lost(self._mission, estimate)
         if found is estimate:
             self._impossible_since = math.inf
@@ -183,6 +199,9 @@ class PositionObserver:
 
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
+        predicted = None if self._t is None else self._x[: self._manifold.size]
+        if self._errors.read(t, y, predicted) and self._t is not None:
+            self._law.learn(self._errors.variance, self._errors.steps)
         if self._safe_answer is None:
             self._take(t, y)
             return

@@ -147,10 +147,14 @@ class OutlierCounter:
 class SpeedGate:
     """Gate that refuses readings that the system cannot have reached."""
 
-    def __init__(self, mission: LagrangianMission, y: Array) -> None:
-        """``y`` is the first reading."""
+    def __init__(self, mission: LagrangianMission, y: Array, variance: Array | None = None) -> None:
+        """``y`` is the first reading, ``variance`` (n,) that of its coordinates if it is not the declared one."""
         self._manifold, self._fastest = mission.system.manifold, TOO_FAST * mission.speed_max
-        self._noise = _DEVIATIONS * greatest_rate(self._manifold, np.sqrt(reading_variance(mission, y)))
+        self.learn(reading_variance(mission, y) if variance is None else variance)
+
+    def learn(self, variance: Array) -> None:
+        """Assume a variance (n,) of the coordinates of a reading from now on."""
+        self._noise = _DEVIATIONS * greatest_rate(self._manifold, np.sqrt(variance))
 
     def passes(self, moved: Array, h: float) -> bool:
         """True if the system can have reached a reading with coordinates ``moved`` (n,) about the one before, h [s]

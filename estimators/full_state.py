@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
 
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting
+from mathnavi.estimators.velocity.possible import possible_or_lost
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
@@ -122,5 +123,5 @@ class FullState:
         if status is Status.INITIALISING:
             message = waiting(status, "a reading of full_state")
             return Estimate(t, self._x.copy(), status=status, extra=self._counts.extra, message=message)
-        covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh
-        return Estimate(t, self._x.copy(), covariance, status, self._counts.extra)
+        covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh.copy()
+        return possible_or_lost(self._mission, Estimate(t, self._x.copy(), covariance, status, self._counts.extra))

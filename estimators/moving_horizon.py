@@ -21,6 +21,8 @@ from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.model import CountedModel, StageBuilder
 from mathnavi.estimators.timeout_monitor import FARTHEST, InnovationMean, TimeoutMonitor, waiting, worst
+from mathnavi.estimators.velocity.possible import possible_or_lost
+from mathnavi.estimators.velocity.reading_errors import ReadingErrors
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Estimator, Sensor
@@ -63,6 +65,7 @@ class MovingHorizonEstimator:
     ) -> None:
         """``unknown`` is the state that is returned before there is an estimate."""
         self.period = _period(mission)
+        self._mission = mission
         self._model, self._builder = model, StageBuilder(model)
         self._horizon = MovingHorizon(model, config.stages, config.iterations, config.slope)
         interval = 1.0 / mission.position_rate if isinstance(mission, FlightMission) else self.period
@@ -72,6 +75,7 @@ class MovingHorizonEstimator:
         self._residuals = InnovationMean(_MOST)
         self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
+        self._errors: ReadingErrors | None = getattr(model, "reading_errors", None)  # of positions
 
     @staticmethod
     def build(config: MovingHorizonConfig, mission: HorizonMission) -> Estimator:
@@ -183,7 +187,10 @@ class MovingHorizonEstimator:
             status = Status.LOST
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
         extra = {"deviation": deviation, **self._model.extra(self._unknown), **self._counts.extra}
-        return Estimate(t, x, covariance, status, extra, waiting(status, "readings that agree"))
+        estimate = Estimate(t, x, covariance, status, extra, waiting(status, "readings that agree"))
+        if self._errors is not None:
+            estimate = self._errors.doubted(estimate)
+        return possible_or_lost(self._mission, estimate)
 
     def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Count the readings that are not used."""

@@ -63,6 +63,10 @@ class TimeoutMonitor:
         if not self.converged:
             self._since = max(self._since, t + min(self._timeout, self._settling) - self._settling)
 
+    def restart(self, t: float) -> None:
+        """Note that at t [s] the estimate was wrong, whatever it said: it has to converge again, as after a gap."""
+        self.converged, self._since = False, t
+
     def status(self, t: float, covariance: Array | None = None) -> Status:
         """Status at t [s] of an estimate with a ``covariance`` (n, n), or None.
 

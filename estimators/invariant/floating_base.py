@@ -40,6 +40,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
 from mathnavi.estimators.velocity.momentum import MomentumObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.possible import possible_or_lost
 from mathnavi.interfaces.bounds import NonNegative, Positive, Probability, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -205,7 +206,9 @@ class FloatingBaseIekf:
             status = worst(status, Status.LOST)
         extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
         extra |= {"bias": self._strapdown.bias.copy(), "bias_deviation": self._strapdown.bias_deviation}
-        return Estimate(t, self._state(), None, status, extra, message or waiting(status, "IMU readings"))
+        return possible_or_lost(
+            self._mission, Estimate(t, self._state(), None, status, extra, message or waiting(status, "IMU readings"))
+        )
 
     def _is_known(self, reading: Measurement, order: Mapping[str, int]) -> bool:
         """True for a reading of a sensor of its own that is finite and not late; others are counted."""

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.manifold import CutLocusError, Manifold
+from mathnavi.models.manifold.manifold import CutLocusError, Manifold, greatest_rate
 from mathnavi.models.manifold.system import LagrangianSystem
 
 _STEPS = 8  # of the model over H
@@ -119,12 +119,11 @@ def bends(system: LagrangianSystem, motion: RecordedMotion, stride: int, count: 
 
 
 def speeds(system: LagrangianSystem, motion: RecordedMotion, stride: int, count: int = 40) -> Array:
-    """Speeds |v|_g (k,) in windows of 2 ``stride`` readings."""
+    """Greatest rates (k,) [rad/s, m/s] in windows of 2 ``stride`` readings."""
     manifold, found = system.manifold, []
     for a, b, c in motion.windows(stride, count):
         moved = manifold.coordinates(motion.y[b], motion.y[c]) - manifold.coordinates(motion.y[b], motion.y[a])
-        v = manifold.vector(motion.y[b], moved / (motion.t[c] - motion.t[a]))
-        found.append(manifold.norm(motion.y[b], v))
+        found.append(greatest_rate(manifold, moved / (motion.t[c] - motion.t[a])))
     return np.array(found)
 
 

@@ -95,7 +95,7 @@ class _Fit:
     shares: Array  # (n,) of the acceleration that the model does not explain; NaN where none is seen
     beyond: tuple[ScalarJoint, ...]  # joints that contradict their limits
     within: bool  # whether all joints keep theirs
-    speed: float  # median |v|_g
+    speed: float  # [rad/s, m/s] median of the greatest rate
 
     @property
     def worst(self) -> float:
@@ -137,7 +137,7 @@ def misread(
     if as_is.speed > _TOO_FAST * mission.speed_max and not as_is.explained:
         found = yield from _by_speed(mission, motion, common)
         if found is not None:
-            fast = f"speed_max = {mission.speed_max:g}, as |v|_g = {as_is.speed:.3g} is its median else,"
+            fast = f"speed_max = {mission.speed_max:g}, as {as_is.speed:.3g} is the median else,"
             return f"{_sentence(found.way, fast, motion)}, or declare the greater speed_max"
     return ""
 

@@ -27,7 +27,8 @@ where the mean of r is 1 for white innovations of any variance, and omega follow
 
 So neither the noise nor the disturbance has to be known. The error of readings that are rounded to steps of size Delta
 is not white if it takes N = Delta / |eta h| > 1 readings to cross a step; z^2 may be N times larger, and s is at least
-Delta^2 / 12 plus the variance of the noise, as the mission declares both.
+Delta^2 / 12 plus the variance of the noise, as the mission declares both, or as the readings show them. Before either
+is known, and of a joint that has not moved, the variance is zero, and omega stays where it starts.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ _LARGEST = 31.0  # r
 _MEMORY = 0.05  # [s] of the mean of L^2
 _OUTLYING = 9.0  # times that mean, beyond which L^2 counts no more
 _START, _MOST = 0.1, 1.0  # omega h
+_NONE = 1e-24  # [rad^2, m^2] variance of readings without errors
 _LEAST = 1.0  # [1/s] omega
 
 
@@ -54,23 +56,30 @@ class BandwidthTuning:
 
     def __init__(self, period: float, variance: Array, steps: Array) -> None:
         """``period`` is the time [s] between readings."""
-        self._least, self._most, self._steps = np.maximum(variance, 1e-24), _MOST / period, steps
+        self._variance, self._most, self._steps = variance, _MOST / period, steps
         self.omega = np.full(len(variance), max(_START / period, _LEAST))
-        self._z, self._s = np.zeros(len(variance)), self._least.copy()
+        self._z, self._s = np.zeros(len(variance)), variance.copy()
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume a variance (n,) and steps (n,) of readings from now on."""
+        self._variance, self._steps = variance, steps
+        self._s = np.maximum(self._s, variance)
 
     def weights(self, L: Array, rate: Array, h: float) -> tuple[Array, Array, Array]:
         """Update omega by an innovation L (n,), h [s] after the one before, at the estimated rate (n,); return the
         weights.
         """
-        rho = np.exp(-self.omega * h)
+        rho = np.exp(-np.minimum(self.omega, _MOST / h) * h)  # the mission's period may not be that of the readings
         self._z = rho * self._z + (1.0 - rho) * L
         kept = math.exp(-h / _MEMORY)
-        self._s = np.maximum(kept * self._s + (1.0 - kept) * np.minimum(L * L, _OUTLYING * self._s), self._least)
+        mean = kept * self._s + (1.0 - kept) * np.minimum(L * L, _OUTLYING * self._s)
+        self._s = np.maximum(mean, np.maximum(self._variance, _NONE))
         crossing = np.maximum(1.0, self._steps / np.maximum(np.abs(rate) * h, 1e-12))
         white = self._s * np.minimum(1.0, (1.0 - rho) / (1.0 + rho) * crossing)
         r = np.minimum(self._z**2 / white, _LARGEST)
-        self.omega = np.clip(self.omega * np.exp(_RATE * (1.0 - rho) * (r - 1.0)), _LEAST, self._most)
-        return triple_pole_weights(self.omega, h)
+        tuned = np.clip(self.omega * np.exp(_RATE * (1.0 - rho) * (r - 1.0)), _LEAST, self._most)
+        self.omega = np.where(self._variance > 0.0, tuned, self.omega)
+        return triple_pole_weights(np.minimum(self.omega, _MOST / h), h)
 
 
 GainName = Literal["constant", "printed"]

@@ -153,6 +153,7 @@ class _Intrinsic:
         self._observer: SampledIntrinsicObserver | None = None
         self._distance = np.nan
         self._tuning: BandwidthTuning | None = None
+        self._learned: tuple[Array, Array] | None = None  # variance and steps (n,), if they are not the declared ones
 
     @property
     def state(self) -> Array:
@@ -173,14 +174,21 @@ class _Intrinsic:
     def start(self, y: Array) -> None:
         config = self._config
         self._distance, self._since, self._y = 0.0, 0.0, y  # the last reading that was used, and how old it is [s]
-        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
         mission, disturbed = self._mission, config.disturbance or self._tuned
+        variance, steps = self._learned or (reading_variance(mission, y), rounding_steps(mission, y))
+        self._gate, self._outlier_counter = SpeedGate(mission, y, variance), OutlierCounter()
         if self._tuned:
-            variance, steps = reading_variance(mission, y), rounding_steps(mission, y)
             self._tuning = BandwidthTuning(mission.period, variance, steps)
         self._observer = SampledIntrinsicObserver(
             mission.system, self._gains, y, disturbed=disturbed, share=config.share, tuning=self._tuning
         )
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume these errors of a reading from now on."""
+        self._learned = (variance, steps)
+        self._gate.learn(variance)
+        if self._tuning is not None:
+            self._tuning.learn(variance, steps)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         assert self._observer is not None
@@ -205,4 +213,4 @@ class _Intrinsic:
     def _is_reached(self, y: Array) -> bool:
         """True if the system can have reached y since the last reading."""
         moved = innovation(self._manifold, self._y, y)
-        return moved is not None and self._gate.passes(self._y, moved, self._since)
+        return moved is not None and self._gate.passes(moved, self._since)

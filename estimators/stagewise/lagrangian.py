@@ -11,6 +11,7 @@ import numpy as np
 
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.estimators.velocity.error_state import StateErrors, acceleration_noise
+from mathnavi.estimators.velocity.reading_errors import ReadingErrors
 from mathnavi.estimators.velocity.readings import PositionReader, innovation, reading_variance
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.interfaces.reading_counts import Unused
@@ -37,6 +38,9 @@ class LagrangianModel:
         self.rows = self._manifold.dimension
         self.size = 2 * self.rows
         self._sigma: Array | None = None  # (n,) of a reading
+        self.reading_errors = ReadingErrors(mission)
+        """errors of the readings so far"""
+        self._newest = -np.inf  # [s] of them
 
     @staticmethod
     def as_declared(mission: LagrangianMission) -> LagrangianModel:
@@ -46,17 +50,20 @@ class LagrangianModel:
     def start(self, reading: Array | None) -> tuple[Array, Array] | None:
         if reading is None:
             return None
-        manifold = self._manifold
-        lengths = np.array([manifold.norm(reading, manifold.vector(reading, axis)) for axis in np.eye(self.rows)])
-        velocity = self._mission.speed_max / lengths
+        velocity = np.full(self.rows, self._mission.speed_max)
         P = np.diag(np.square(np.concatenate([self.deviation(reading), velocity])))
-        return np.concatenate([reading, np.zeros(manifold.vector_size)]), P
+        return np.concatenate([reading, np.zeros(self._manifold.vector_size)]), P
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         return ((end - begin, command.copy()),)
 
     def reading(self, measurement: Measurement) -> Array | None:
-        return self._reader.read(measurement)
+        y = self._reader.read(measurement)
+        if y is not None and measurement.t > self._newest:
+            self._newest = measurement.t
+            if self.reading_errors.read(measurement.t, y, None):
+                self._sigma = np.maximum(np.sqrt(self.reading_errors.variance), self._floor)
+        return y
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         after = self._system.flow(x, u, h)
@@ -74,7 +81,7 @@ class LagrangianModel:
         return moved / sigma, np.eye(self.rows, self.size) / sigma[:, np.newaxis]
 
     def deviation(self, y: Array) -> Array:
-        """Standard deviations (n,) of a reading's coordinates, determined near the first reading y (size,) for all."""
+        """Standard deviations (n,) of a reading's coordinates: as found, or as declared near the first, y (size,)."""
         if self._sigma is None:
             self._sigma = np.maximum(np.sqrt(reading_variance(self._mission, y)), self._floor)
         return self._sigma
@@ -86,7 +93,7 @@ class LagrangianModel:
         return self._errors.difference(other, x)
 
     def limits(self, x: Array) -> tuple[Array, Array]:
-        """Infinite limits: the speed is bounded in the metric, not by component."""
+        """Infinite limits: an estimate that is too fast is not OK, instead of one at the limit that is."""
         high = np.full(self.size, np.inf)
         return -high, high
 

@@ -33,6 +33,7 @@ class Differences:
         """``cutoff`` [Hz] is that of the filter, 0 for none; ``timeout`` is the longest time of extrapolation [s]."""
         self._mission, self._manifold = mission, mission.system.manifold
         self._timeout = timeout
+        self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self._sos = butter(_ORDER, cutoff, output="sos", fs=1.0 / mission.period) if cutoff else None
 
     @property
@@ -52,7 +53,12 @@ class Differences:
         self._y, self._age = y, 0.0  # [s] since the newest reading
         self._w = np.zeros(self._manifold.vector_size)
         self._memory = np.zeros((_ORDER // 2, 2, self._manifold.vector_size))  # of the filter
-        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume these errors of a reading from now on."""
+        self._variance = variance
+        self._gate.learn(variance)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Let h [s] pass under an input u (nu,)."""
@@ -61,7 +67,7 @@ class Differences:
     def correct(self, y: Array, h: float) -> bool:
         """Take a reading y (size,), h [s] after the last that was used; True if it was used."""
         moved = innovation(self._manifold, self._y, y)
-        good = moved is not None and self._gate.passes(self._y, moved, h)
+        good = moved is not None and self._gate.passes(moved, h)
         if not self._outlier_counter.admits(good):
             return False
         if moved is None or not good or h > self._timeout:  # a difference over a longer time says nothing about v

@@ -39,6 +39,7 @@ from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 
 _STEP = 1e-6  # of an error, in its unit, of the difference that stands for a derivative
+_FARTHEST = 0.3  # [rad, m] deviation of a position up to which errors are those of coordinates about the state
 
 
 class StateErrors:
@@ -117,12 +118,21 @@ class Propagation(Protocol):
 class ErrorStateFilter:
     """A ``VelocityLaw``; ``deviation`` (2 n,) are standard deviations of e, ``nis`` (2,) L' S^-1 L and n."""
 
-    def __init__(self, model: FilterModel, mission: LagrangianMission, propagation: Propagation) -> None:
+    def __init__(
+        self,
+        model: FilterModel,
+        mission: LagrangianMission,
+        propagation: Propagation,
+        far: Propagation | None = None,
+    ) -> None:
+        """``far`` takes the place of ``propagation`` for errors that reach far in a step, as unknown velocities do."""
         self._model, self._mission, self._propagation = model, mission, propagation
+        self._far = far or propagation
         self._system, self._manifold = mission.system, mission.system.manifold
         self._n = self._manifold.dimension
         self._bundle, self._limit = StateErrors(self._manifold), float(chdtri(self._n, model.gate))
         self.covariance = np.full((2 * self._n, 2 * self._n), np.nan)  # P, of e
+        self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self._nis = math.nan
 
     @property
@@ -150,10 +160,16 @@ class ErrorStateFilter:
         """Start at a first reading y (size,), with its variance and that of a velocity of the mission's maximum."""
         manifold = self._manifold
         self._state = np.concatenate([y, np.zeros(manifold.vector_size)])
-        self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
-        lengths = np.array([manifold.norm(y, manifold.vector(y, axis)) for axis in np.eye(self._n)])
-        self.covariance = np.diag(np.concatenate([self._R, np.square(self._mission.speed_max / lengths)]))
+        variance = reading_variance(self._mission, y) if self._variance is None else self._variance
+        self._R = np.maximum(variance, self._model.noise_floor**2)
+        velocity = np.full(self._n, self._mission.speed_max**2)
+        self.covariance = np.diag(np.concatenate([self._R, velocity]))
         self._outlier_counter, self._nis = OutlierCounter(), math.nan
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume these errors of a reading from now on."""
+        self._variance = variance
+        self._R = np.maximum(variance, self._model.noise_floor**2)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held.
@@ -166,9 +182,15 @@ class ErrorStateFilter:
         def errors(e: Array) -> Array:
             return bundle.difference(self._system.flow(bundle.sum(before, e), u, h), after)
 
-        mean, P = self._propagation(errors, self.covariance)
+        propagation = self._far if self._reach(h) > _FARTHEST else self._propagation
+        mean, P = propagation(errors, self.covariance)
         self._put(after, mean, P + acceleration_noise(self._model.acceleration, self._n, h))
         self._nis = math.nan
+
+    def _reach(self, h: float) -> float:
+        """Greatest standard deviation [rad, m] to which the errors of a position can grow in h [s]."""
+        position, velocity = np.split(np.sqrt(np.diag(self.covariance)), 2)
+        return float((position + h * velocity).max())
 
     def correct(self, y: Array, h: float) -> bool:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""

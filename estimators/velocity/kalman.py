@@ -5,7 +5,9 @@ differences.
 
 **Unscented**: mean and covariance are propagated by sigma points of the error, van der Merwe's scaled set (filterpy's),
 so that they are averaged in the coordinates about where the state leads and never as points of the manifold. With
-alpha >= 0.52 no weight of the covariance is negative, and it stays positive definite by itself.
+alpha >= 0.52 no weight of the covariance is negative, and it stays positive definite by itself. While the errors reach
+farther than the coordinates about the state hold, as at the start, where the velocity is not known, the points say
+nothing of their distribution, and the covariance is propagated by the Jacobian.
 """
 
 from __future__ import annotations
@@ -111,7 +113,7 @@ class LagrangianUkf:
         require_modelled(mission.system, "estimator = lagrangian_ukf", MODEL_FREE_ESTIMATORS)
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         unscented = Unscented(2 * mission.system.manifold.dimension, config.alpha)
-        return PositionObserver(ErrorStateFilter(model, mission, unscented), mission, config.timeout)
+        return PositionObserver(ErrorStateFilter(model, mission, unscented, linearised), mission, config.timeout)
 
     @staticmethod
     def sensors(config: LagrangianUkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:

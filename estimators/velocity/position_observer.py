@@ -2,8 +2,10 @@
 
 It predicts to each reading, conditions on it, and predicts to the time of the estimate. If a step of the law fails,
 beyond the range of its coordinates or with a result that is not finite, it keeps the last finite state and is lost; it
-starts again at the next reading. A ``SafeAnswer`` checks the estimate against the readings, and replaces it by their
-differences while they contradict it; both changes are events.
+starts again at the next reading. An estimate that cannot be (``possible``) is lost too, and the law starts again if its
+covariance is none, or if it is too fast for longer than the timeout. Where readings were refused so long that the law
+is wrong and not they, the estimate is degraded until it has settled again. A ``SafeAnswer`` checks the estimate against
+the readings, and replaces it by their differences while they contradict it; both changes are events.
 
 Law of constant gains that refuses readings that the system cannot have reached, unless they persist.
 """
@@ -18,7 +20,9 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
-from mathnavi.estimators.velocity.readings import OutlierCounter, PositionReader, SpeedGate, innovation
+from mathnavi.estimators.velocity.possible import is_covariance, possible_or_lost
+from mathnavi.estimators.velocity.reading_errors import ReadingErrors
+from mathnavi.estimators.velocity.readings import LASTING, OutlierCounter, PositionReader, SpeedGate, innovation
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -39,6 +43,7 @@ class GatedLaw(ABC):
     def __init__(self, mission: LagrangianMission, bandwidth: float) -> None:
         """``bandwidth`` [1/s] is that of the poles of its errors."""
         self._mission, self._manifold = mission, mission.system.manifold
+        self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self.settling = TIME_CONSTANTS / bandwidth
 
     @property
@@ -50,14 +55,19 @@ class GatedLaw(ABC):
         """Start at the point y (size,) with v = 0."""
         self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
         self._y = y  # the last reading that was used
-        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
+
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume these errors of a reading from now on."""
+        self._variance = variance
+        self._gate.learn(variance)
 
     def correct(self, y: Array, h: float) -> bool:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
         manifold, size = self._manifold, self._manifold.size
         x, v = self._state[:size], self._state[size:]
         moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
-        good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
+        good = moved is not None and L is not None and self._gate.passes(moved, h)
         if not self._outlier_counter.admits(good):
             return False
         if L is None or not good:
@@ -99,6 +109,12 @@ class VelocityLaw(Protocol):
         """Start at the point y (size,) with v = 0."""
         ...
 
+    def learn(self, variance: Array, steps: Array) -> None:
+        """Assume from now on, and after later starts, that the coordinates of a reading have this variance (n,), and
+        that encoders round them to ``steps`` (n,), 0 without. It is called after ``start`` only.
+        """
+        ...
+
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held, to a reading y (size,), which ``correct`` then uses, or to none.
 
@@ -126,9 +142,13 @@ class PositionObserver:
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
         self._farthest = max(FARTHEST, 100.0 * mission.period)  # [s] of one prediction
+        self._mission, self._timeout = mission, timeout
+        self._impossible_since = math.inf  # [s]
         self._refused, self._restarts = 0, 0
+        self._refused_in_a_row = 0
         self._extra = dict(law.extra)
         self._safe_answer = safe_answer
+        self._errors = ReadingErrors(mission)  # of the readings
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
@@ -156,7 +176,22 @@ class PositionObserver:
         covariance = None if self._t is None else self._law.state_covariance
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
-        return Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+        estimate = self._errors.doubted(
+            Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+        )
+        found = possible_or_lost(self._mission, estimate)
+        if found is estimate:
+            self._impossible_since = math.inf
+        else:
+            self._give_up(t, covariance)
+        return found
+
+    def _give_up(self, t: float, covariance: Array | None) -> None:
+        """Start the law again at the next reading if an estimate that cannot be will not mend by itself."""
+        self._impossible_since = min(self._impossible_since, t)
+        beyond_repair = covariance is not None and not is_covariance(covariance)
+        if beyond_repair or t - self._impossible_since > self._timeout:
+            self._t, self._impossible_since = None, math.inf
 
     def events(self) -> list[tuple[str, str]]:
         """Return the kinds and messages of what has happened since the last call."""
@@ -164,6 +199,9 @@ class PositionObserver:
 
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
+        predicted = None if self._t is None else self._x[: self._manifold.size]
+        if self._errors.read(t, y, predicted) and self._t is not None:
+            self._law.learn(self._errors.variance, self._errors.steps)
         if self._safe_answer is None:
             self._take(t, y)
             return
@@ -178,9 +216,12 @@ class PositionObserver:
     def _take(self, t: float, y: Array) -> bool:
         """Condition the law on a reading; True if the law was started at it."""
         if self._t is None:
-            self._restarts += self._timeout_monitor.t > -math.inf
+            again = self._timeout_monitor.t > -math.inf
+            self._restarts += again
             self._t = t
             self._timeout_monitor.note(t, agrees=False)
+            if again and self._safe_answer is None:  # nothing is known of the velocity, and nothing else asks
+                self._timeout_monitor.restart(t)
             self._try(lambda: self._law.start(y))
             return True
         if t < self._t - TIME_TOLERANCE:  # too late: the law is ahead
@@ -191,7 +232,12 @@ class PositionObserver:
         self._timeout_monitor.note(t, used == [True])
         if used == [False]:
             self._refused += 1
+            self._refused_in_a_row += 1
             self.counts.add(Unused.OUTLIER)
+        elif used:
+            if self._refused_in_a_row >= LASTING:  # they were none: the law was wrong
+                self._timeout_monitor.restart(t)
+            self._refused_in_a_row = 0
         return False
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:

@@ -3,10 +3,11 @@
 A reading is usable if it is a point of the manifold and newer than the last. It may still be wrong. An observer without
 a covariance compares it with the distance that the system can have moved: with the reading before, h [s] ago,
 
-    |y - y_before|_g <= 2 v_max h + 6 sqrt(2) |sigma|_g,
+    |y - y_before| <= 2 v_max h + 6 sqrt(2) |sigma|
 
-where v_max is the mission's ``speed_max`` and sigma the standard deviations of the coordinates. If more than ten
-readings in a row are refused they are no outliers: the observer is wrong.
+for every joint, and for the turn and the way of every body that moves freely, where v_max [rad/s, m/s] is the mission's
+``speed_max`` and sigma the standard deviations of the coordinates. If more than ten readings in a row are refused they
+are no outliers: the observer is wrong.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from statistics import median_low
 import numpy as np
 
 from mathnavi.interfaces.signals import Array, Measurement
-from mathnavi.models.manifold.manifold import CutLocusError, Manifold
+from mathnavi.models.manifold.manifold import CutLocusError, Manifold, greatest_rate
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
@@ -27,8 +28,10 @@ _TURN = 2.0 * math.pi
 _LAST = 4  # readings that say where the next one is
 _AHEAD, _SPANS = 1.0, 10.0  # [s], and times that of the last readings, for which a speed lasts at most
 _SLACK = 0.1  # [rad] by which a reading may be beyond a limit or a turn
-_LASTING = 10  # readings in a row that are refused
-_TOO_FAST = 2.0  # times the system's greatest speed
+LASTING = 10
+"""readings in a row that are refused, after which the next one is used"""
+TOO_FAST = 2.0
+"""times the greatest speed of a mission, that nothing is believed to have"""
 _DEVIATIONS = 6.0 * math.sqrt(2.0)  # of the difference of two readings
 _PROBES = 64  # readings that are rounded to find the error of rounding
 _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # its multiples are spread evenly over [0, 1), for any encoder
@@ -138,21 +141,23 @@ class OutlierCounter:
     def admits(self, good: bool) -> bool:
         """True if a reading is to be used: if it is good, or if many in a row were refused."""
         self._refused = 0 if good else self._refused + 1
-        return self._refused == 0 or self._refused > _LASTING
+        return self._refused == 0 or self._refused > LASTING
 
 
 class SpeedGate:
     """Gate that refuses readings that the system cannot have reached."""
 
-    def __init__(self, mission: LagrangianMission, y: Array) -> None:
-        """``y`` is the first reading."""
-        self._manifold, self._fastest = mission.system.manifold, _TOO_FAST * mission.speed_max
-        sigma = np.sqrt(reading_variance(mission, y))
-        self._noise = _DEVIATIONS * self._manifold.norm(y, self._manifold.vector(y, sigma))
+    def __init__(self, mission: LagrangianMission, y: Array, variance: Array | None = None) -> None:
+        """``y`` is the first reading, ``variance`` (n,) that of its coordinates if it is not the declared one."""
+        self._manifold, self._fastest = mission.system.manifold, TOO_FAST * mission.speed_max
+        self.learn(reading_variance(mission, y) if variance is None else variance)
 
-    def passes(self, before: Array, moved: Array, h: float) -> bool:
+    def learn(self, variance: Array) -> None:
+        """Assume a variance (n,) of the coordinates of a reading from now on."""
+        self._noise = _DEVIATIONS * greatest_rate(self._manifold, np.sqrt(variance))
+
+    def passes(self, moved: Array, h: float) -> bool:
         """True if the system can have reached a reading with coordinates ``moved`` (n,) about the one before, h [s]
         ago.
         """
-        distance = self._manifold.norm(before, self._manifold.vector(before, moved))
-        return distance <= self._fastest * h + self._noise
+        return greatest_rate(self._manifold, moved) <= self._fastest * h + self._noise

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+import numpy as np
+
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
+
+_ONE_RATE = np.zeros(1, dtype=np.intp)
 
 
 class CutLocusError(ValueError):
@@ -125,6 +129,16 @@ def quaternion_parts(manifold: Manifold) -> tuple[slice, ...]:
     """Places of the unit quaternions in a point; a manifold that has some names them as ``quaternions``."""
     parts: tuple[slice, ...] = getattr(manifold, "quaternions", ())
     return parts
+
+
+def greatest_rate(manifold: Manifold, c: Array) -> float:
+    """Greatest rate [rad/s, m/s] of a motion whose components are c (n,); NaN if one of them is.
+
+    It is that of a joint or, of a body that turns or moves freely, the length of its angular or linear velocity. A
+    manifold that has several of them names the first component of each as ``rate_starts``; else all are those of one.
+    """
+    starts = getattr(manifold, "rate_starts", _ONE_RATE)
+    return math.sqrt(float(np.add.reduceat(np.square(c), starts).max()))
 
 
 def unrounded(name: str, p: Array, bits: int) -> Array:

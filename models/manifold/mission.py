@@ -98,7 +98,7 @@ class LagrangianMission:
     system: LagrangianSystem
     reading: PositionQuality = field(default_factory=PositionQuality)
     period: Positive = 1e-3  # [s] of readings, estimates and commands
-    speed_max: Positive = 10.0  # sup |v|_g (Theorem D.2)
+    speed_max: Positive = 100.0  # [rad/s, m/s] greatest rate of any joint or body, see ``greatest_rate``
 
     @property
     def input_size(self) -> int:

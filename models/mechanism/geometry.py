@@ -75,6 +75,9 @@ class MechanismManifold:
         """slides and hinges, those of free joints too"""
         self.hinges = tuple((each.place, each.low, each.high) for each in self.scalars if each.hinge)
         """place in a point, and limits [rad], of each hinge"""
+        starts = [int(model.jnt_dofadr[j]) + k for j in joints for k in ((0, 3) if model.jnt_type[j] == FREE else (0,))]
+        self.rate_starts = np.array(starts, dtype=np.intp)
+        """first component of each joint's rate; a free joint has one in metres and one in radians"""
         self._slides = np.array([each.place for each in self.scalars if not each.hinge], dtype=np.intp)
 
     def __reduce__(self) -> tuple[type[MechanismManifold], tuple[mujoco.MjModel]]:

@@ -20,7 +20,7 @@ from mathnavi.interfaces.errors import FieldError, MissionError
 from mathnavi.interfaces.field_table import NumberList
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.models.manifold.manifold import Manifold, greatest_rate
 from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
@@ -54,8 +54,8 @@ class LagrangianFields:
     """rate of readings, estimates and commands [Hz]"""
     duration: float = 10.0
     """duration of the run [s]"""
-    speed_max: Annotated[Positive, Le(1e6)] = 30.0
-    """largest |v|_g = sqrt(2 T), T the kinetic energy, by which some estimators detect jumps [-]"""
+    speed_max: Annotated[Positive, Le(1e6)] = 100.0
+    """largest rate of a joint or a body, by which estimators detect jumps and divergence [rad/s, m/s]"""
     settled: float = 2.0
     """time from which errors count [s]"""
     tolerance: Annotated[Positive, Le(1e6)] = 0.1
@@ -195,9 +195,9 @@ def given_start(start: NumberList, mission: LagrangianMission) -> Array:
 def checked_speed(start: Array, mission: LagrangianMission) -> Array:
     """Start (x, v), unchanged; FieldError if it is faster than the mission's ``speed_max``."""
     manifold = mission.system.manifold
-    speed = manifold.norm(start[: manifold.size], start[manifold.size :])
-    if not speed <= mission.speed_max * (1.0 + 1e-9):  # that of a body is half its rate, up to rounding
-        raise FieldError(f"speed_max = {mission.speed_max!r}; allowed: at least |v|_g = {speed:.6g} of the start")
+    speed = greatest_rate(manifold, manifold.components(start[: manifold.size], start[manifold.size :]))
+    if not speed <= mission.speed_max * (1.0 + 1e-9):  # up to rounding
+        raise FieldError(f"speed_max = {mission.speed_max!r}; allowed: at least {speed:.6g}, the rate of the start")
     return start
 
 

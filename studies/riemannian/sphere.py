@@ -537,7 +537,7 @@ def recorded(seed: int, seconds: float, speed: float = SPEED) -> tuple[Lagrangia
     The torques do not depend on an estimate.
     """
     fields: dict[str, Any] = {
-        "duration": seconds, "settled": 0.0, "speed": speed, "speed_max": max(30.0, 0.75 * speed), **TORQUES
+        "duration": seconds, "settled": 0.0, "speed": speed, "speed_max": max(100.0, 1.5 * speed), **TORQUES
     }  # fmt: skip
     flight = trial("sphere-observer", seed, estimator="filtered_differences", fields=fields)
     return config_mission(flight.spec.config), recorded_calls(flight.flown().recording, VEHICLE, POSITION)

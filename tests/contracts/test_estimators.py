@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
+from mathnavi.estimators.velocity.possible import impossible
 from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Estimator, EstimatorPlugin, StateView
 from mathnavi.interfaces.reading_counts import Unused, unused_in
@@ -571,6 +572,18 @@ def test_a_covariance_is_symmetric_and_positive_semidefinite(estimates: Sequence
             assert np.abs(P - P.T).max() <= 1e-6 * np.abs(P).max(), "as the loop takes it: symmetric to rounding"
             least, *_, largest = np.linalg.eigvalsh(P)
             assert least >= -1e-9 * max(largest, 1.0)
+
+
+def test_no_estimate_of_a_mechanism_that_is_faster_than_its_mission_allows_is_ok(flown: tuple[str, str]) -> None:
+    """Each flight is much faster than the mission now says, whichever way the estimator looks at its readings."""
+    mission = bench_of(flown[1], False).mission
+    if not isinstance(mission, LagrangianMission):
+        return
+    plugin, slower = PLUGINS[flown[0]].load(), dataclasses.replace(mission, speed_max=1e-3)
+    for step, estimate in replay(plugin.build(plugin.Config(), slower), recorded(*flown).steps):
+        wrong = impossible(slower, estimate.x, estimate.covariance)
+        assert not (wrong and estimate.status is Status.OK), f"at {step.t:g} s: it {wrong}"
+    assert estimate.status is not Status.OK  # also of one that refuses its readings, and has no velocity
 
 
 def test_neither_what_it_is_given_nor_what_it_handed_out_is_changed(flown: tuple[str, str]) -> None:

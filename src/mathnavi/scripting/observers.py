@@ -33,7 +33,7 @@ from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
 
-ANY_SPEED = 1e6  # |v|_g from which a reading would be refused as an outlier
+ANY_SPEED = 1e3  # [rad/s, m/s] 160 turns in a second, three times the speed of sound
 _CLOCK = 1e-3  # [s] the nominal period of a mission; the observers follow the steps that they are given
 
 
@@ -153,7 +153,8 @@ class IntrinsicObserver(LagrangianObserver):
 
     ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the other fields of the
     plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading, ``speed_max`` the
-    highest |v|, by which outliers are rejected; without it none are. ``quaternions`` is the order of those in y, and
+    greatest rate of a joint or a body [rad/s, m/s]: readings that imply twice that are outliers, an estimate so fast is
+    LOST. The default is one that only outliers reach. ``quaternions`` is the order of those in y, and
     ``trust_units`` says that they are right where they fit the system in another unit or with another sign only.
 
     Raises FieldError for a field or a value that is not allowed.

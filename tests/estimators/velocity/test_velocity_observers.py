@@ -178,7 +178,10 @@ def test_a_prediction_out_of_all_bounds_is_lost_and_not_spread(name: str) -> Non
     assert blown.status is Status.LOST
     np.testing.assert_array_equal(blown.x, np.concatenate([y, np.zeros(3)]))
     back = estimator.update(0.02, (Measurement("position", 0.02, y),), np.zeros(3))
-    assert back.status is Status.OK
+    assert back.status is Status.DEGRADED  # nothing is known of the velocity
+    for t in 0.02 + 0.01 * np.arange(1, 120):
+        later = estimator.update(t, (Measurement("position", t, y),), np.zeros(3))
+    assert later.status is Status.OK
     assert back.extra["restarts"] == 1.0
 
 

@@ -54,7 +54,14 @@ class InnovationMonitor:
 
     def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
         """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
-        white = np.linalg.solve(np.linalg.cholesky(S), nu)
+        try:
+            white = np.linalg.solve(np.linalg.cholesky(S), nu)
+        except np.linalg.LinAlgError:  # S is no covariance
+            white = np.full(len(nu), np.nan)
+        if not np.isfinite(white).all():
+            self._lost = self._alarmed = t
+            self.message = "is not finite, or its covariance is none"
+            return
         self._windows.add(nu / np.sqrt(S.diagonal()), white)
         self._far = self._far + 1 if float(white @ white) > self._outlier else 0
         worst = self._windows.worst(self._every)
@@ -73,7 +80,7 @@ class InnovationMonitor:
         """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with
         V = cov(x^).
         """
-        ratio = square / self._thresholds.chi_square(self._m)
+        ratio = square / float(self._thresholds.energy[self._m])
         if ratio > 1.0:
             self._alarmed = t
             self.message = f"finds {what} that is larger than declared"

@@ -96,6 +96,13 @@ def test_it_is_lost_after_readings_in_a_row_that_cannot_be_and_returns_in_steps(
     assert words[-1] is Status.OK
 
 
+@pytest.mark.parametrize("covariance", [np.nan, -1.0])
+def test_an_estimate_that_is_none_is_lost_at_once(covariance: float) -> None:
+    monitor = InnovationMonitor("fixes", 3, 0.1)
+    monitor.note(0.0, np.zeros(3), covariance * np.eye(3), np.eye(3))
+    assert monitor.status(0.0) is Status.LOST
+
+
 def by_imu(rate: float, spoilt: Callable[[Array], Array], start: Array) -> list[tuple[Estimate, Array]]:
     """Estimates of ``inertial_iekf`` with the true position and velocity at each fix, of 60 s from Exp(start)."""
     flight = flight_mission(plain(), (50.0, 50.0), (350.0, 350.0), position_noise=0.1)

@@ -5,7 +5,8 @@
 All estimators get the same readings of the same figure of eight, 100 a second, with two sensors and with four. Compiled
 estimators run in one compiled loop (``mathnavi.studies.ranging.estimator_runs``): the bank as used in a run, the bank
 if no hypothesis were ever dropped, a single filter of it, and 1000 particles. Plug-ins are called as by the closed
-loop, reading by reading, Python included; ``range_particle`` adapts its number of particles (KLD sampling).
+loop, reading by reading, Python included; ``range_particle`` adapts its number of particles (KLD sampling). What the
+monitor of integrity adds to an update that does not alarm is the ratio to the same update without it, in turns.
 """
 
 from __future__ import annotations
@@ -30,11 +31,15 @@ from mathnavi.studies.ranging.estimator_runs import (
     EKF_LOOP,
     PARTICLE_LOOP,
     costs,
+    monitor_costs,
     read,
 )
 
 SENSORS = {"2 rays": "2s", "4 rays": "4"}
 CALLED = {"range_ekf": "filterpy EKF", "range_ukf": "filterpy UKF", "range_particle": "AMCL"}
+MONITORED = {"3 rays": "3", "8 rays": "8"}
+WATCHED = ("range_ekf", "feasible_set_bank", "range_ukf")
+AT_MOST = 1.2  # times the update without the monitor
 AT_LEAST = 20.0  # times cheaper than the particle filter, both compiled
 
 
@@ -56,6 +61,7 @@ class RangeFindings:
 
     seconds: float
     taken: Mapping[str, Mapping[str, Array]]  # by sensors and name, (R,)
+    watched: Mapping[str, Mapping[str, tuple[Array, Array]]]  # (n,) of each update, with the monitor and without
 
     @property
     def title(self) -> str:
@@ -75,6 +81,10 @@ class RangeFindings:
             for name, software in CALLED.items():
                 ours = taken["feasible_set_bank"]
                 rows.append(Comparison(f"called, {sensors}", "us", ours, taken[name], software, ratio_of))
+        for sensors, watched in self.watched.items():
+            for name, (ours, bare) in watched.items():
+                what, ratio_of = f"{name} with its monitor, {sensors}", "ours / other"
+                rows.append(Comparison(what, "us", ours, bare, "the same without", ratio_of, at_most=AT_MOST))
         return rows
 
     def show(self, console: Console) -> None:
@@ -100,7 +110,11 @@ def run(arguments: Arguments, console: Console) -> RangeFindings:
             readings = read(sensors, arguments.seconds, np.random.default_rng(0))
             taken[name] = costs(readings, arguments.repetitions)
             report(k + 1)
-    return RangeFindings(arguments.seconds, taken)
+    watched = {
+        name: monitor_costs(read(sensors, arguments.seconds, np.random.default_rng(0)), WATCHED)
+        for name, sensors in MONITORED.items()
+    }
+    return RangeFindings(arguments.seconds, taken, watched)
 
 
 def main(arguments: Arguments) -> None:

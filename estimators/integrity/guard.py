@@ -156,7 +156,10 @@ class Guarded:
         noisy = windows.kappa > windows.declared
         if self._state is Status.OK and self._begun and not (due or noisy or self._out or self._unexplained >= 0):
             return  # nothing changes
-        self._begun = self._begun or self._quiet >= self._settled
+        if not self._begun and self._quiet >= self._settled:  # what the start was wrong by is no evidence any more
+            self._begun, self._snapshots = True, []
+            self._now.witness.clear()
+            due = True
         if self._quiet >= self._retried:
             self._unexplained = -1
         needed = self._found if self._state is Status.LOST else self._settled

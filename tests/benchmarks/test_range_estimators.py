@@ -14,6 +14,7 @@ from mathnavi.studies.ranging.estimator_runs import (
     PARTICLE_LOOP,
     PLUGINS,
     costs,
+    monitor_costs,
     read,
 )
 
@@ -36,11 +37,18 @@ def test_the_same_seed_is_the_same_readings_and_another_is_not() -> None:
 def test_ratios_are_those_of_neighbours() -> None:
     taken = {name: np.array([1.0, 2.0]) for name in (BANK_LOOP, ALL_ALIVE, EKF_LOOP, "feasible_set_bank")}
     taken |= {name: np.array([30.0, 80.0]) for name in (PARTICLE_LOOP, "range_ekf", "range_ukf", "range_particle")}
-    findings = RangeFindings(1.0, {"2 rays": taken})
+    watched = {"bank": (np.array([11.0, 24.0]), np.array([10.0, 20.0])), "ekf": (np.full(2, 13.0), np.full(2, 10.0))}
+    findings = RangeFindings(1.0, {"2 rays": taken}, {"3 rays": watched})
     rows = findings.comparisons()
-    assert [row.ratio for row in rows] == [35.0] * 6
-    assert [row.holds for row in rows] == [True, True, None, None, None, None]
+    assert [row.ratio for row in rows] == [35.0] * 6 + [pytest.approx(1.15), pytest.approx(1.3)]
+    assert [row.holds for row in rows] == [True, True, None, None, None, None, True, False]
     assert findings.plain()["update_us"]["2 rays"][BANK_LOOP] == [1.0, 2.0]
+
+
+def test_an_update_is_timed_with_its_monitor_and_without() -> None:
+    with_, without = monitor_costs(read("3", 2.0, np.random.default_rng(0)), ("range_ekf",))["range_ekf"]
+    assert with_.shape == without.shape == (100,)
+    assert 0.0 < np.median(without) < np.median(with_)
 
 
 def test_it_runs_and_tells_how_much_is_compiled() -> None:

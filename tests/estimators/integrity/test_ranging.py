@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.estimators.integrity.guard import alone
 from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
 from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
 from mathnavi.interfaces.signals import Array, Estimate, Status
+from mathnavi.sim.plugin.registry import load
 
 PERIOD, NOISE, ODOMETRY = 0.02, 0.02, (0.02, 0.02)
 WALL = mn.wall_through([(0.0, 0.0), (4.0, -0.2), (4.6, 2.0), (2.4, 3.2), (0.2, 2.4)], order=8)
@@ -142,6 +144,55 @@ def test_the_first_word_of_a_local_filter_is_not_trusted_where_the_start_is_unkn
     assert found[50].status is not Status.OK
     assert sure_and_wrong(found, drive) == 0.0
     assert found[-1].status is Status.OK
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "range_ekf",
+        "range_iekf",
+        "range_ukf",
+        "range_particle",
+        "moving_horizon",
+        "feasible_set_bank",
+        "range_certified",
+    ],
+)
+def test_every_estimator_of_a_pose_that_the_command_line_names_has_its_monitor(name: str) -> None:
+    drive, plugin = driven(3), load("estimators", name)
+    drive.ranges[50:, 1] = 0.3
+    start = mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05))
+    ranging, odometry = mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY)
+    mission = mn.RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD)
+    estimator = plugin.build(plugin.Config(), mission)
+    for k, (z, u) in enumerate(zip(drive.ranges[:70], drive.odometry, strict=False)):
+        t = PERIOD * (k + 1)
+        readings = (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u))
+        found = estimator.update(t, readings, u)
+        if k == 45:
+            assert found.status is Status.OK
+    assert found.extra["left_out"].shape == (3,)
+    assert found.status is not Status.OK
+
+
+def test_the_estimator_without_its_monitor_is_the_one_that_was_built() -> None:
+    mission = mn.RangingMission(WALL, ANGLES, period=PERIOD)
+    guard, bare = guarded(partial(RangeEkf, RangeEkf.Config()), mission), RangeEkf(RangeEkf.Config(), mission)
+    assert isinstance(alone(guard), RangeEkf)
+    assert alone(bare) is bare
+
+
+def test_a_start_that_is_off_by_as_much_as_declared_is_the_fault_of_no_ray() -> None:
+    """Linearised about it, a filter may be wrong for a moment, whose covariance is small already."""
+    words = set()
+    for seed in range(8):
+        drive = driven(20 + seed)
+        off = 0.05 * np.random.default_rng(seed).standard_normal(3)
+        found = estimates(RangeEkf, drive._replace(x=drive.x + off))
+        assert not any(each.extra["left_out"].any() for each in found), seed
+        assert all(each.status is Status.OK for each in found[150:]), seed
+        words |= {each.status for each in found[:150]}
+    assert words <= {Status.OK, Status.DEGRADED}
 
 
 def test_odometry_that_is_wrong_is_no_fault_of_a_ray() -> None:

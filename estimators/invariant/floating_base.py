@@ -135,6 +135,7 @@ class FloatingBaseIekf:
         if self._base.has_joints:
             plugin = _OBSERVERS[config.joints]
             self._observer = plugin.build(plugin.Config(timeout=config.timeout), mission)
+            self._observer.reading_errors.ignore(slice(JOINT_RATES.start))  # the base is estimated, not read
         self._counts = ReadingCounts() if self._observer is None else self._observer.counts
         self._joint_rates = np.zeros(self._base.model.nv - JOINT_RATES.start)
         self._stood = np.zeros(len(self._base.feet), dtype=bool)

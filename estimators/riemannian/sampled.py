@@ -20,7 +20,8 @@ velocity, there are three poles at rho = e^(-omega h):
     alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
 
 With a ``tuning`` each component has its own omega, see ``gains``. A ``SteppedSystem`` is predicted by its own steps,
-the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta).
+the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta). Where the system has closed chains,
+L is what of it they allow.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from mathnavi.estimators.riemannian.gains import BandwidthTuning, IntrinsicGains
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import is_beyond
-from mathnavi.models.manifold.system import LagrangianSystem, stepped
+from mathnavi.models.manifold.system import LagrangianSystem, closure, stepped
 
 _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 
@@ -63,7 +64,10 @@ class SampledIntrinsicObserver:
         self._system, self._manifold, self._gains = system, system.manifold, gains
         self._stepped, self._tuning = stepped(system), tuning
         self._share = share  # largest distance of a reading, over the injectivity radius
+        self._closure = closure(system)
         self.xi = system.manifold.check(start)
+        if self._closure is not None:
+            self.xi = self._closure.nearest(self.xi)
         self.eta = np.zeros(system.manifold.vector_size)
         self.delta: Array | None = np.zeros(system.manifold.vector_size) if disturbed else None
         self._measured: Array | None = self.xi  # where the system was when it was last read; None once that is old
@@ -95,6 +99,8 @@ class SampledIntrinsicObserver:
             self._measured = None
             return Innovation(theta, accepted=False)
         L = manifold.log(before, y)
+        if self._closure is not None:  # of a mechanism, whose vectors are their components
+            L = self._closure.tangent(before, L)
         alpha: float | Array
         beta: float | Array
         gamma: float | Array = 0.0

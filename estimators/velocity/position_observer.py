@@ -29,6 +29,7 @@ from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import closure
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 TIME_CONSTANTS = 10.0
@@ -44,6 +45,7 @@ class GatedLaw(ABC):
         """``bandwidth`` [1/s] is that of the poles of its errors."""
         self._mission, self._manifold = mission, mission.system.manifold
         self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
+        self._closure = closure(mission.system)
         self.settling = TIME_CONSTANTS / bandwidth
 
     @property
@@ -53,7 +55,8 @@ class GatedLaw(ABC):
 
     def start(self, y: Array) -> None:
         """Start at the point y (size,) with v = 0."""
-        self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
+        x = y if self._closure is None else self._closure.nearest(y)
+        self._state = np.concatenate([x, np.zeros(self._manifold.vector_size)])
         self._y = y  # the last reading that was used
         self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
 
@@ -73,7 +76,7 @@ class GatedLaw(ABC):
         if L is None or not good:
             self.start(y)
             return True
-        self._state = self._corrected(x, v, L, h)
+        self._state = self._corrected(x, v, L if self._closure is None else self._closure.tangent(x, L), h)
         self._y = y
         return True
 
@@ -148,7 +151,8 @@ class PositionObserver:
         self._refused_in_a_row = 0
         self._extra = dict(law.extra)
         self._safe_answer = safe_answer
-        self._errors = ReadingErrors(mission)  # of the readings
+        self.reading_errors = ReadingErrors(mission)
+        """errors of the readings"""
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
@@ -176,7 +180,7 @@ class PositionObserver:
         covariance = None if self._t is None else self._law.state_covariance
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
-        estimate = self._errors.doubted(
+        estimate = self.reading_errors.doubted(
             Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
         )
         found = possible_or_lost(self._mission, estimate)
@@ -200,8 +204,8 @@ class PositionObserver:
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
         predicted = None if self._t is None else self._x[: self._manifold.size]
-        if self._errors.read(t, y, predicted) and self._t is not None:
-            self._law.learn(self._errors.variance, self._errors.steps)
+        if self.reading_errors.read(t, y, predicted) and self._t is not None:
+            self._law.learn(self.reading_errors.variance, self.reading_errors.steps)
         if self._safe_answer is None:
             self._take(t, y)
             return

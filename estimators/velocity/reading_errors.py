@@ -115,6 +115,10 @@ class ReadingErrors:
         """True if the readings are noisier than declared."""
         return self._windows is not None and self._windows.worst(self._used).ratio > 1.0
 
+    def ignore(self, coordinates: slice) -> None:
+        """Do not test these coordinates, which no encoder reads."""
+        self._used[coordinates] = False
+
     def doubted(self, estimate: Estimate) -> Estimate:
         """Return an estimate as it is, or DEGRADED if it is OK while the errors of its readings are not as declared,
         or not known.

@@ -111,6 +111,24 @@ class ActuatedSystem(LagrangianSystem, Protocol):
         ...
 
 
+class Closure(Protocol):
+    """Constraints within a system, by which its positions and velocities are fewer than its coordinates."""
+
+    def tangent(self, x: Array, c: Array) -> Array:
+        """Displacement or velocity, in components (n,), that is allowed at x (size,), the nearest to c (n,)."""
+        ...
+
+    def nearest(self, x: Array) -> Array:
+        """Position (size,) that is allowed, near x (size,)."""
+        ...
+
+
+def closure(system: LagrangianSystem) -> Closure | None:
+    """Return the constraints of a system that names some as ``closure``; None of one that has none."""
+    found: Closure | None = getattr(system, "closure", None)
+    return found
+
+
 @runtime_checkable
 class PartlyModelledSystem(LagrangianSystem, Protocol):
     """A system that says which of its parts ``force`` and ``flow`` lack, for (x, v) does not determine their state."""

@@ -39,6 +39,7 @@ from mathnavi.models.manifold.system import (
     require_modelled,
 )
 from mathnavi.models.mechanism import forces
+from mathnavi.models.mechanism.closed_chains import ClosedChains
 from mathnavi.models.mechanism.floating_base import FloatingBase
 from mathnavi.models.mechanism.geometry import MechanismManifold, evaluated, mass_matrix
 
@@ -140,7 +141,7 @@ class MechanismSystem:
     and filters are, nothing but the names is known here (``unmodelled``), and there is no force. ``force`` leaves out
     MuJoCo's constraints: contacts, limits of joints and tendons, friction loss and equalities. Where the model
     has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's
-    implicit step, with the forces of the constraints.
+    implicit step, with the forces of the constraints. ``closure`` projects onto what closed chains allow; None without.
 
     Raises ValueError for what ``geometry.checked`` refuses, for plug-ins, for flexible parts, and for a ``constant`` or
     ``amplitude`` that is not one finite number for each input. If not given, ``constant`` is the control of the model's
@@ -163,6 +164,7 @@ class MechanismSystem:
         self.velocity_dependent = _depends_on_velocity(model)
         self.implicit = needs_implicit_step(model)
         self._step = ImplicitStep(model)
+        self.closure = ClosedChains.of(self._model)
         # joints that follow others
         self.coupled = int((model.eq_type[model.eq_active0 > 0] == _JOINT_EQUALITY).sum())
 

@@ -152,7 +152,8 @@ class IntrinsicObserver(LagrangianObserver):
     and vectors are ambient: on ``Sphere(3)`` unit vectors (4,). The input is the force, ambient too.
 
     ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the other fields of the
-    plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading, ``speed_max`` the
+    plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading; 0 declares none: noise
+    and steps of encoders are found from the readings, and until then estimates are DEGRADED. ``speed_max`` is the
     greatest rate of a joint or a body [rad/s, m/s]: readings that imply twice that are outliers, an estimate so fast is
     LOST. The default is one that only outliers reach. ``quaternions`` is the order of those in y, and
     ``trust_units`` says that they are right where they fit the system in another unit or with another sign only.

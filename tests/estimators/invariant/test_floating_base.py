@@ -75,7 +75,7 @@ def test_a_base_that_falls_has_no_foot_to_stand_on() -> None:
 def flown(seconds: float, seed: int, config: FloatingBaseIekfConfig) -> tuple[list[Estimate], Array]:
     """A body with a boom that flies, thrown at a slant, with the truth at each estimate."""
     model, rng = mujoco.MjModel.from_xml_string(FLYING), np.random.default_rng(seed)
-    mission = LagrangianMission(MechanismSystem(model), PositionQuality(noise=1e-6), period=0.01)
+    mission = LagrangianMission(MechanismSystem(model), PositionQuality(1e-4), period=0.01)
     estimator = FloatingBaseIekf.build(config, mission)
     start = mission.start_state
     start[8:11] = config.start_velocity * rng.standard_normal(3)
@@ -108,8 +108,9 @@ def test_in_the_air_the_velocity_drifts_as_far_as_is_said_and_then_the_estimate_
 def test_without_its_imu_the_last_reading_is_held_and_the_base_is_lost_and_never_as_good_again() -> None:
     """Position and heading, of which the gap takes away what was known, are not observable."""
     config = FloatingBaseIekfConfig(joints="filtered_differences", timeout=0.1, deviation_max=5.0)
-    system = MechanismSystem(mujoco.MjModel.from_xml_string(FLYING))
-    mission = LagrangianMission(system, PositionQuality(noise=1e-4), period=0.01)
+    mission = LagrangianMission(
+        MechanismSystem(mujoco.MjModel.from_xml_string(FLYING)), PositionQuality(1e-4), period=0.01
+    )
     estimator = FloatingBaseIekf.build(config, mission)
 
     def update(k: int, *names: str) -> Estimate:

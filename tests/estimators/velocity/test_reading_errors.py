@@ -87,7 +87,7 @@ def test_an_observer_that_is_stepped_knows_its_encoder_too() -> None:
     assert found[-1].status is Status.OK
 
 
-@pytest.mark.parametrize("method", ["riemannian_observer", "lagrangian_ekf"])
+@pytest.mark.parametrize("method", ["riemannian_observer", "lagrangian_ekf", "moving_horizon"])
 def test_noise_that_is_not_declared_is_found(method: str) -> None:
     sigma = 5e-3
     _, q, _, _ = swaying("servo-six")

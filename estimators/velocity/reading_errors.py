@@ -25,7 +25,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mathnavi.estimators.integrity.windows import Flags, Thresholds, Windows
+from mathnavi.estimators.integrity.windows import CLIP, Flags, Thresholds, Windows
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, rounding_steps
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Estimate, Status
@@ -198,7 +198,8 @@ class ReadingErrors:
             rounding = np.square(rounding_steps(self._mission, y))
             self._tested = reading_variance(self._mission, y) + rounding * (1.0 / 4.0 - 1.0 / 12.0)
             period = (_POINTS + 1) * self._mission.period
-            self._windows = Windows(Thresholds.of(len(r), period, _WINDOWS), len(r))
+            kappa = 1.0 + CLIP**2 * self._mission.reading.jump  # with the outliers that are declared
+            self._windows = Windows(Thresholds.of(len(r), period, _WINDOWS), len(r), kappa)
         e = np.minimum(np.abs(r), np.abs(L)) / np.sqrt(self._tested)
         self._windows.add(np.copysign(e, r), np.full(len(r), np.nan))
 

@@ -107,6 +107,14 @@ def test_an_estimate_is_degraded_while_its_readings_are_noisier_than_declared(me
     assert all(each.status is not Status.OK for each in wrong[SETTLED:])
 
 
+def test_outliers_that_are_declared_are_no_alarm() -> None:
+    _, q, _, _ = swaying("servo-six")
+    rng = np.random.default_rng(9)
+    y = q + 1e-3 * rng.standard_normal(q.shape) + 1.0 * (rng.random((len(q), 1)) < 0.05)
+    found = observed("servo-six", "high_gain", y, noise=1e-3, jump=0.05, jump_size=1.0)
+    assert all(each.status is Status.OK for each in found[SETTLED:])
+
+
 @pytest.mark.parametrize("declared", [BITS, BITS - 2])
 def test_an_encoder_that_is_as_declared_or_better_is_no_alarm(declared: int) -> None:
     found = observed("servo-six", "high_gain", encoded("servo-six"), resolution=declared)

@@ -11,7 +11,7 @@ from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ, array
 
 _NUMBER, _WHOLE = types.float64, array(1, types.int64)
 _FIXED = (TWO_READ, TWO_READ, ONE, ONE, _WHOLE, ONE)  # wall, angles, constants, lengths, thresholds
-_KEPT = (TWO, TWO, TWO, types.int64, _NUMBER)  # sums, branches, repeats, k, kappa
+_KEPT = (TWO, TWO, TWO, types.int64, _NUMBER, _NUMBER, _NUMBER)  # sums, branches, repeats, k, kappa, sigma, slip
 _UPDATE = (ONE, TWO, ONE, TWO, _NUMBER, ONE, ONE, ONE, array(1, types.boolean))  # estimates, dt, readings, rays
 KERNELS: tuple[Signature, ...] = (
     (observe, (*_FIXED, *_KEPT, *_UPDATE)),

@@ -24,6 +24,7 @@ import numpy as np
 
 from mathnavi.estimators.integrity.windows import IMPOSSIBLE, RECKONED, Flags, add, worst_of
 from mathnavi.estimators.integrity.witness import is_possible
+from mathnavi.estimators.ranging.bank_kernels import BY_HEADING
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, square_trace
 from mathnavi.estimators.ranging.reading_kernels import is_within
 from mathnavi.interfaces.compiled import njit
@@ -34,6 +35,7 @@ from mathnavi.models.unicycle.kernels import motion, wrapped
 RELATIVE, ABSOLUTE, LONGEST, SCALE, W_1, W_2, FASTEST, TURNING, Z = range(9)
 """constants of an update: relative and absolute [m] deviation of a range, length [m] of a lost one, s_b, variances of
 the odometry and the largest that can be [m/s, rad/s], threshold of a mean"""
+_MOST_SLIP = 10.0  # times its mean that slip may be in a moment, as after a turn
 _P, _S, AGE = 3, 12, 15  # columns of a branch: x (3,), P (3, 3) without the scale error, s = dx/db (3,), updates or -1
 LAST, FIRST, NOW, TIMES = range(4)
 """rows of repeats (4, l): last reading [m], range [m] expected at the first and at the last of those that repeated it
@@ -67,6 +69,8 @@ def observe(
     repeats: Array,
     k: int,
     kappa: float,
+    sigma: float,
+    slip: float,
     x: Array,
     P: Array,
     x_after: Array,
@@ -81,22 +85,24 @@ def observe(
 
     It reads ranges rho (l,) and odometry (2,), both NaN for none; the ``command`` (2,) takes the place of odometry.
     ``used`` (l,) says which rays the estimator was given; ``k`` is the number of updates in the sums, and ``kappa`` the
-    variance over the declared one. Returns the worst statistic over its threshold, its test and its channel, and the
-    largest number of repeated readings.
+    variance over the declared one; ``sigma`` is the deviation of ranges over the declared one, and ``slip`` [m^2/s] the
+    process noise of wheels, where an estimator finds them itself. Returns the worst statistic over its threshold, its
+    test and its channel, and the largest number of repeated readings.
     """
     reckons = is_within(odometry, constants[FASTEST : TURNING + 1])
     u = odometry if reckons else command
+    slip *= dt
     scale, one = constants[SCALE], np.zeros((1, AGE))
     for i in range(3):
         one[0, i] = x[i]
         for j in range(3):
             one[0, _P + 3 * i + j] = P[i, j]
-    _move(one[0], u, constants, dt)
+    _move(one[0], u, constants, _MOST_SLIP * slip, dt)
     x_now, P_now = one[0, :_P], np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             P_now[i, j] = one[0, _P + 3 * i + j] + scale * scale * one[0, _S + i] * one[0, _S + j]
-    noise = constants[RELATIVE], constants[ABSOLUTE], constants[LONGEST]
+    noise = sigma * constants[RELATIVE], sigma * constants[ABSOLUTE], constants[LONGEST]
     e, white, expected = innovations((coefficients, polyline), angles, noise, x_now, P_now, rho, used)
     add(sums, k, e, white)
     most = _note_repeats(repeats, rho, expected)
@@ -104,7 +110,7 @@ def observe(
         return math.inf, IMPOSSIBLE, -1, most
     ratio, test, channel = worst_of(sums, k + 1, used, lengths, kappa, constants[Z], energy)
     if reckons:
-        dead = _reckoned(branches, lengths[1:], x_after, u, constants, dt) / (kappa * energy[3])
+        dead = _reckoned(branches, lengths[1:], x_after, u, constants, slip, dt) / (kappa * energy[3])
         if dead > ratio:
             ratio, test, channel = dead, RECKONED, -1
     else:
@@ -126,8 +132,11 @@ def begin_branch(branches: Array, x: Array, P: Array) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _move(branch: Array, u: Array, constants: Array, dt: float) -> None:
-    """Move a branch (16,) in place over dt [s] under the odometry u (2,): x, P = F P F' + G W G', s = F s - G u."""
+def _move(branch: Array, u: Array, constants: Array, slip: float, dt: float) -> None:
+    """Move a branch (16,) in place over dt [s] under the odometry u (2,): x, P = F P F' + G W G', s = F s - G u.
+
+    ``slip`` [m^2] is the variance of a position by wheels that slip meanwhile.
+    """
     W_x, W_y = constants[W_1], constants[W_2]
     d_x, d_y, a_x, a_y, b_x, b_y = motion(branch[2], u[0], u[1], dt)
     branch[0] += d_x
@@ -152,7 +161,9 @@ def _move(branch: Array, u: Array, constants: Array, dt: float) -> None:
     P[6] += b_x * W_y * dt
     P[5] += b_y * W_y * dt
     P[7] += b_y * W_y * dt
-    P[8] += dt * W_y * dt
+    P[8] += dt * W_y * dt + slip * BY_HEADING**2
+    P[0] += slip
+    P[4] += slip
 
 
 @njit(cache=True, nogil=True)
@@ -202,14 +213,16 @@ def innovations(
 
 
 @njit(cache=True, nogil=True)
-def _reckoned(branches: Array, lengths: Integers, x: Array, u: Array, constants: Array, dt: float) -> float:
+def _reckoned(
+    branches: Array, lengths: Integers, x: Array, u: Array, constants: Array, slip: float, dt: float
+) -> float:
     """Move the branches over dt [s], and return the largest d' P^-1 d of those whose age is one of ``lengths``."""
     worst, S, d, square = 0.0, np.empty((3, 3)), np.empty(3), constants[SCALE] * constants[SCALE]
     for n in range(len(branches)):
         branch = branches[n]
         if branch[AGE] < 0.0:
             continue
-        _move(branch, u, constants, dt)
+        _move(branch, u, constants, slip, dt)
         branch[AGE] += 1.0
         for length in lengths:
             if branch[AGE] == length:

@@ -36,8 +36,8 @@ class PoseWitness:
         self._rays, self._range_variance = len(model.angles), model.range_variance
         self.names = tuple(f"ray {i}" for i in range(self._rays))
         thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
-        outliers = model.outliers  # each of which counts as at most the clipped square
-        self.windows = Windows(thresholds, self._rays, 1.0 - outliers + outliers * CLIP**2)
+        self._outliers = model.outliers  # each of which counts as at most the clipped square
+        self.windows = Windows(thresholds, self._rays, 1.0 - self._outliers + self._outliers * CLIP**2)
         limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         self._fixed = (
             *model.wall,
@@ -63,9 +63,11 @@ class PoseWitness:
             self._worst = self._worst if is_plausible(after) else Worst(math.inf, IMPOSSIBLE, -1)
         else:
             windows, (rho, u) = self.windows, self._newest(measurements)
+            sigma, slip = self._found(before) if "noise" in before.extra else (1.0, 0.0)
             ratio, test, channel, self._most = observe(
                 *self._fixed, windows.sums, self._branches, self._repeats, windows.k, windows.kappa,
-                before.x, before.covariance, after.x, P, after.t - before.t, rho, u, command, used,
+                sigma, slip, before.x, before.covariance, after.x, P, after.t - before.t,
+                rho, u, command, used,
             )  # fmt: skip
             windows.k += 1
             self._worst = Worst(ratio, test, channel)
@@ -73,6 +75,16 @@ class PoseWitness:
             begin_branch(self._branches, after.x, P)
         self._k += 1
         return self._worst
+
+    def _found(self, before: Estimate) -> tuple[float, float]:
+        """Deviation of ranges over the declared one, and slip [m^2/s], of an estimator that finds its noise itself.
+
+        Its outliers change what the sums of squares are expected to be.
+        """
+        sigma, outliers = before.extra["noise"].tolist()
+        most = max(self._outliers, outliers)
+        self.windows.expect(1.0 - most + most * CLIP**2)
+        return max(1.0, sigma), float(before.extra["slip"][0]) if "slip" in before.extra else 0.0
 
     def _newest(self, measurements: Sequence[Measurement]) -> tuple[Array, Array]:
         """Newest ranges (l,) and odometry (2,); NaN for none."""

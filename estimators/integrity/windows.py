@@ -12,9 +12,10 @@ updates if the estimate is consistent. Of windows of n updates, at the level alp
     energy    sum e_i^2 / kappa              over chi2_(c_i)(alpha)      noise, a beam that is blocked
     joint     sum w'w / kappa                over chi2_c(alpha)          a pose that is another
 
-c the number of innovations in the window. A ratio above one is an alarm. |e| and |w| count as at most 4, so that one
-outlier is none. The level is shared by Bonferroni's inequality over all tests and all times of a horizon, whatever
-their dependence: alpha = P / (tests x updates in the horizon), P being the probability of a false alarm in it.
+c the number of innovations in the window. A ratio above one is an alarm. e^2 and w'w count as at most 4 deviations, and
+a mean is that of smaller e, so that one outlier is none. The level is shared by Bonferroni's inequality over all tests
+and all times of a horizon, whatever their dependence: alpha = P / (tests x updates in the horizon), P being the
+probability of a false alarm in it.
 """
 
 from __future__ import annotations
@@ -107,6 +108,10 @@ class Windows:
         """kappa over the declared one: larger than one where the noise was found to be larger."""
         return self.kappa / self.declared
 
+    def expect(self, kappa: float) -> None:
+        """Declare another variance of the innovations; what was found to be larger stays larger by as much."""
+        self.kappa, self.declared = kappa * self.excess, kappa
+
     def copy(self) -> Windows:
         """A copy with sums of its own."""
         made = object.__new__(Windows)
@@ -162,9 +167,9 @@ def add(sums: Array, k: int, e: Array, white: Array) -> None:
     after[:] = before
     for i in range(l):
         if math.isfinite(e[i]):
-            clipped = min(max(e[i], -CLIP), CLIP)
-            after[i] += clipped
-            after[l + i] += clipped * clipped
+            if abs(e[i]) <= CLIP:  # the mean of outliers is that of no bias: one that is larger has the larger spread
+                after[i] += e[i]
+            after[l + i] += min(e[i] * e[i], CLIP * CLIP)
             after[2 * l + i] += 1.0
         if math.isfinite(white[i]):
             clipped = min(max(white[i], -CLIP), CLIP)

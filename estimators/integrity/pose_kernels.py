@@ -24,7 +24,7 @@ import numpy as np
 
 from mathnavi.estimators.integrity.windows import IMPOSSIBLE, RECKONED, Flags, add, worst_of
 from mathnavi.estimators.integrity.witness import is_possible
-from mathnavi.estimators.ranging.bank_kernels import BY_HEADING
+from mathnavi.estimators.ranging.bank_kernels import BY_HEADING, GRIP
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, square_trace
 from mathnavi.estimators.ranging.reading_kernels import is_within
 from mathnavi.interfaces.compiled import njit
@@ -91,7 +91,7 @@ def observe(
     """
     reckons = is_within(odometry, constants[FASTEST : TURNING + 1])
     u = odometry if reckons else command
-    slip *= dt
+    slip = max(slip - GRIP, 0.0) * dt
     scale, one = constants[SCALE], np.zeros((1, AGE))
     for i in range(3):
         one[0, i] = x[i]

@@ -58,7 +58,7 @@ BY_HEADING = 8.0
 """[rad/m] c_phi"""
 
 _BY_SCALE = 1.0  # [1/m] c_b
-_GRIP = 2e-6  # [m^2/s] q_0
+GRIP = 2e-6  # [m^2/s] q_0
 _ADAPTATION = 0.15  # eta
 _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
@@ -116,7 +116,7 @@ def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: floa
     for k in range(len(bank.score)):
         if math.isnan(bank.score[k]):
             continue
-        P, q = bank.P[k], max(bank.slip[k] - _GRIP, 0.0) * dt
+        P, q = bank.P[k], max(bank.slip[k] - GRIP, 0.0) * dt
         predict(bank.x[k], P, u, W, wall, dt)
         P[0, 0] += q * weights[0]
         P[1, 1] += q * weights[0]

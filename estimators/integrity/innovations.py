@@ -1,10 +1,10 @@
-"""Monitor of a filter that has one kind of reading: it cannot be run again without it, so its word is all that changes.
+"""Monitor of a filter with one sensor: none can be left out, so that the status is all that changes.
 
-Of each reading the filter hands over the innovation nu (m,), its covariance S and the noise R, also of one that it does
-not use. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
+The filter passes the innovation nu (m,) of each reading, its covariance S and the noise R, also of readings that it
+refuses. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
 
-    OK -> DEGRADED      at an alarm; for 20 s, since nobody knows what it came from and an estimate that has settled
-                        about a wrong place is quiet
+    OK -> DEGRADED      at an alarm; for 20 s, since its cause is unknown, and innovations are quiet again once the
+                        estimate has settled at a wrong place
     -> LOST             after four readings in a row that are each off by more than chance allows, one in 1e9
     LOST -> DEGRADED    after 5 s without an alarm
 

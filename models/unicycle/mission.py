@@ -123,7 +123,7 @@ class RangeSensor:
 
     @property
     def too_long(self) -> float:
-        """Range [m] from which on a reading is none: no echo, or more than noise makes of the longest in sight."""
+        """Least range [m] that is no reading: without an echo, or beyond the longest in sight with its noise."""
         quality = self.quality
         noise = _DEVIATIONS * math.hypot(quality.relative * self.longest, quality.absolute)
         possible = self.longest + max(noise, _OTHER_WALL * self.longest)

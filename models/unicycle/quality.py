@@ -13,7 +13,7 @@ class RangeQuality:
     absolute: float = 0.0  # [m]
     dropout: float = 0.0  # fraction of single ranges that are lost, NaN in the reading
     outliers: float = 0.0  # fraction of single ranges that are any value up to the longest in sight
-    maximum: float | None = None  # [m] from which on a ray has no echo, whatever is read; None: there is no such range
+    maximum: float | None = None  # [m] greatest range, beyond which a ray has no echo; None: no limit
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,7 @@ class RangingNoise:
     outliers: Fraction = 0.0
     """fraction of single ranges that are outliers: any value up to the longest in sight"""
     range_maximum: Annotated[Positive, Le(_LONGEST)] | None = None
-    """range from which on a ray has no echo [m]; if not given, there is none"""
+    """greatest range of a sensor, beyond which a ray has no echo [m]; no limit if not given"""
     odometry_noise: Annotated[tuple[float, float], Each(Interval(ge=0.0, le=10.0), FINITE)] = (0.05, 0.05)
     """standard deviations of the odometry's speed [m/s] and turn rate [rad/s], per reading"""
     odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.02
@@ -127,7 +127,7 @@ class RangingMismatch:
     outliers: Fraction = 0.0
     """fraction of single ranges that are outliers in addition to the declared ones"""
     range_saturation: Annotated[Positive, Le(_LONGEST)] | None = None
-    """range that a sensor reads in place of a longer one [m]; if not given, none"""
+    """range that a sensor reads in place of every longer one [m]; no saturation if not given"""
     mounting: Annotated[float, Interval(ge=-180.0, le=180.0), FINITE] = 0.0
     """angle by which the range sensors are turned off their directions, counter-clockwise [deg]"""
     odometry_bias: Annotated[NonNegative, Le(0.5)] = 0.0

@@ -28,6 +28,7 @@ from mathnavi.estimators.integrity.windows import ENERGY, IMPOSSIBLE, JOINT, MEA
 from mathnavi.estimators.integrity.witness import Recovery, Witness, is_plausible
 from mathnavi.estimators.timeout_monitor import worst
 from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.reading_counts import COUNTS, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
 _SNAPSHOT, _MEMORY = 0.5, 8.0  # [s] between copies of the estimator, and for which they and the readings are kept
@@ -75,6 +76,8 @@ class Guarded:
         """
         self.period = estimator.period
         self._now, self._recovery = Replay(estimator, witness), recovery
+        self._counting = self._now  # whose numbers of unused readings were published last
+        self._counted = self._uncounted = np.zeros(len(Unused))
         self._channels = len(witness.names)
         self._most_out = min(most_out, self._channels - 1)
         self._state, self._message = Status.OK if trusted else Status.INITIALISING, ""
@@ -127,11 +130,20 @@ class Guarded:
         if self._out:
             left_out[list(self._out)] = 1.0
         extra = {**estimate.extra, "left_out": left_out, "integrity": np.array([ratio])}
+        if COUNTS in extra:
+            extra[COUNTS] = self._count(extra[COUNTS])
         P, status, message = estimate.covariance, estimate.status, estimate.message
         if self._state is not Status.OK:
             status, message, excess = worst(status, self._state), self._message or message, self._windows.excess
             P = P if P is None or excess <= 1.0 else excess * P
         return Estimate(estimate.t, estimate.x, P, status, extra, message)
+
+    def _count(self, unused: Array) -> Array:
+        """Numbers of unused readings so far, those of estimators that were replaced included."""
+        if self._counting is not self._now:
+            self._counting, self._uncounted = self._now, self._counted - unused
+        self._counted = unused + self._uncounted
+        return self._counted
 
     @property
     def _windows(self) -> Windows:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Le
@@ -38,6 +38,8 @@ _FASTEST = 1e4  # [1/s]
 @configuration
 class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
+
+    kernels: ClassVar[str] = "mathnavi.estimators.velocity.ahead"  # compiled before the first run
 
     bandwidth: Annotated[Positive, Le(_FASTEST)] | None = None
     """bandwidth omega of the constant gains A = 2 zeta omega and B = omega^2 [1/s]; tuned, or 10, if not given"""

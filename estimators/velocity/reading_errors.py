@@ -138,7 +138,7 @@ class ReadingErrors:
         past = self._past
         if past and (t <= past[-1][0] or innovation(self._manifold, past[-1][1], y) is None):
             past.clear()
-        if past:
+        if past and not self.declared:
             self._encoders.read(y[self._places] - past[-1][1][self._places])
         r = self._residual(t, y) if len(past) == _POINTS else None
         L = None if predicted is None else innovation(self._manifold, predicted, y)

@@ -19,10 +19,11 @@ from tests.controllers.ocp.verification.statements import chattering, concave, c
     ids=["concave", "far end", "Kelley"],
 )
 def test_a_stationary_point_is_left_for_the_minimum(problem: OptimalControlProblem, cost: float) -> None:
-    found = problem.solve()
-    assert found.status is SolverOutcome.OPTIMAL
-    assert found.cost == pytest.approx(cost, rel=1e-6)
-    assert "from a stationary point with J = " in found.message
+    for starts, way in ((1, "from a stationary point with J = "), (None, "from another start than J = ")):
+        found = problem.solve(starts=starts)
+        assert found.status is SolverOutcome.OPTIMAL
+        assert found.cost == pytest.approx(cost, rel=1e-6)
+        assert way in found.message
 
 
 @pytest.mark.parametrize("nodes", [None, 40])
@@ -47,7 +48,7 @@ def test_what_falls_without_limit_from_there_is_unbounded(problem: OptimalContro
     found = problem.solve(nodes)
     assert found.status is SolverOutcome.UNBOUNDED
     assert not found.ok
-    assert found.message.endswith("(from a stationary point with J = 0)")
+    assert "(from a stationary point with J = 0)" in found.message
 
 
 def test_before_its_conjugate_point_it_is_a_minimum() -> None:

@@ -29,6 +29,7 @@ from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, Predicate
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Form, fields_of
+from mathnavi.interfaces.value_types import type_test
 
 Made = TypeVar("Made")
 
@@ -166,7 +167,7 @@ def _most_derived(made: Any) -> type[Any]:
 def check_bounds(fields: Any, prefix: str = "") -> None:
     """Raise FieldError for the first field of a dataclass's instance that is not within its declared bounds."""
     kind: Any = type(fields)
-    for name, optional, each, holds, allowed, hint in declared(kind):
+    for name, optional, each, holds, allowed, hint in (*_types(kind), *declared(kind)):
         value = getattr(fields, name)
         if value is None and optional:
             continue
@@ -199,6 +200,19 @@ def declared(config: Any) -> tuple[Declared, ...]:
         for form in _since_anew(field.declared)
         for optional, each, condition in _conditions(form)
     )
+
+
+@cache
+def _types(config: Any) -> tuple[Declared, ...]:
+    """Return the conditions on the types of a dataclass's fields, which hold before a bound can be compared with."""
+    found = []
+    for field in fields_of(config):
+        form = field.declared[-1]
+        if (test := type_test(form)) is not None:
+            accepted, words = test
+            bounds = [bound.allowed for bound in declared(config) if bound.name == field.name and not bound.each]
+            found.append(Declared(field.name, form.optional, False, accepted, bounds[0] if bounds else words, _no_hint))
+    return tuple(found)
 
 
 def _since_anew(forms: Sequence[Form]) -> Sequence[Form]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import casadi as ca
@@ -14,6 +16,8 @@ from annotated_types import Ge, Le
 from mathnavi.controllers.ocp.nlp import Programme
 from mathnavi.controllers.ocp.scaling_rows import corrected, cost_scale
 from mathnavi.interfaces.bounds import Count, Positive, Probability, configuration
+from mathnavi.interfaces.checks import check_path
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import (
     NlpPlugin,
@@ -55,6 +59,15 @@ class Options:
     hessian: Hessian = "exact"  # of IPOPT
     print_level: Annotated[int, Ge(0), Le(12)] = 0  # of IPOPT's lines on standard output, 5 for one each iteration
     log: str | None = None  # file of IPOPT's own log, a line each iteration; overwritten by each solve
+
+    def __post_init__(self) -> None:
+        """Check that the log can be written, without touching what is there."""
+        if self.log is None:
+            return
+        file = Path(self.log)
+        check_path(file, "log")
+        if file.is_dir() or not file.parent.is_dir() or not os.access(file if file.exists() else file.parent, os.W_OK):
+            raise FieldError(f"log = {self.log!r}; allowed: a file that can be written, in a folder that exists")
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +174,7 @@ class NumericalSolver:
             reason = f"{self._name} {report.message if ended else f'gave up: {_last_words(report.message)}'}"
             return self._failed(report.outcome, reason, x_0, began)
         if report.message == "Invalid_Option":
-            wrong = (
-                f"linear_solver = {self._linear_solver!r} is not in this build of IPOPT, or the log cannot be written"
-            )
+            wrong = f"linear_solver = {self._linear_solver!r} is not in this build of IPOPT"
             return self._failed(SolverOutcome.FAILED, wrong, x_0, began)
         if report.outcome is SolverOutcome.OVERDETERMINED:
             return self._failed(report.outcome, report.message, x_0, began)

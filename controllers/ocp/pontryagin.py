@@ -31,7 +31,6 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from mathnavi.controllers.ocp.clocks import clocks_of
 from mathnavi.controllers.ocp.crossings import crossings
@@ -47,6 +46,7 @@ from mathnavi.controllers.ocp.pontryagin_terms import (
     switching_terms,
 )
 from mathnavi.controllers.ocp.problem_functions import Interval
+from mathnavi.controllers.ocp.reached_limits import TOUCHING, Flags, constraint_sizes, path_values, touched, wrong_signs
 from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.controllers.ocp.switching_surfaces import surfaces_of
 from mathnavi.controllers.ocp.transcriptions.variable_radau import (
@@ -60,14 +60,10 @@ from mathnavi.interfaces.signals import Array
 TOLERANCE = 1e-2
 """allowed residual of a condition by default"""
 
-_TOUCHING = 1e-4  # of the range, the size or the scale: how near a limit counts as on it
 _SINGULAR = 3e-2  # of the largest switching function: how small it is on a singular arc
 _LEAST_ARC = 3  # intervals of a singular arc
 _SAMPLES = 21  # of a control, for the minimum
-_NEGLIGIBLE = 1e-3  # share of the other terms below which a multiplier says nothing
 _SMALL = 1e-9
-
-Flags = NDArray[np.bool_]
 
 
 def check_pontryagin(solution: SolutionView, *, tolerance: float = TOLERANCE) -> PontryaginCheck:
@@ -118,7 +114,7 @@ class _Judge:
         self.u_size = np.maximum(terms["u_size"].max(axis=(0, 1)), _SMALL)
         extent = problem.control_bounds.upper - problem.control_bounds.lower
         self.u_scale = np.where(np.isfinite(extent), np.maximum(extent, _SMALL), problem.control_scale)
-        near = _TOUCHING * self.u_scale
+        near = TOUCHING * self.u_scale
         self.at_lower = solution.u - problem.control_bounds.lower <= near
         self.at_upper = problem.control_bounds.upper - solution.u <= near
         rates = [clock.rate for clock in clocks_of(problem)]  # what they are is no matter of the problem
@@ -338,18 +334,18 @@ class _Judge:
     @cached_property
     def _on_bound(self) -> Flags:
         """(N - 1, k, nx) where a state is on a bound."""
-        return _touched(self.solution.inner, self.problem.state_bounds, self.problem.state_scale)
+        return touched(self.solution.inner, self.problem.state_bounds, self.problem.state_scale)
 
     @cached_property
     def _path(self) -> Array:
         """Values (N - 1, k, nd) of the path constraints."""
-        return _path_values(self.solution)
+        return path_values(self.solution)
 
     @cached_property
     def _on_path(self) -> Flags:
         """(N - 1, k, nd) where a path constraint is on a limit."""
         limits = self.problem.path_bounds
-        return _touched(self._path, limits, _sizes(self._path, limits))
+        return touched(self._path, limits, constraint_sizes(self._path, limits))
 
     # the Hamiltonian and the ends
 
@@ -387,7 +383,7 @@ class _Judge:
         end = np.abs(at_end - np.array(by_x.full())[:, 0]) / size
         points = s.scheme.points
         for name, row, known, residual in (("start", 0, points[0] == 0.0, start), ("end", -1, points[-1] == 1.0, end)):
-            lost = _touched(s.x[row], problem.state_bounds, problem.state_scale) & (residual > self.tolerance)
+            lost = touched(s.x[row], problem.state_bounds, problem.state_scale) & (residual > self.tolerance)
             if not known and lost.any():
                 states = ", ".join(state for state, on in zip(problem.states, lost, strict=True) if on)
                 why = f"{s.scheme.name} has no point there, and {states} is on its bound"
@@ -410,15 +406,19 @@ class _Judge:
         of_states[:, :, [clock.state for clock in clocks_of(problem)]] = 0.0  # its end is one of the programme's bounds
         states = dataclasses.replace(m.states, values=of_states)
         worst = [
-            _wrong_signs(states, s.inner, problem.state_bounds, problem.state_scale, self.H_size),
-            _wrong_signs(m.path, self._path, problem.path_bounds, _sizes(self._path, problem.path_bounds), self.H_size),
-            _wrong_signs(m.initial, initial, problem.initial_bounds, _sizes(initial, problem.initial_bounds), of_ends),
-            _wrong_signs(m.final, final, problem.final_bounds, _sizes(final, problem.final_bounds), of_ends),
+            wrong_signs(states, s.inner, problem.state_bounds, problem.state_scale, self.H_size),
+            wrong_signs(
+                m.path, self._path, problem.path_bounds, constraint_sizes(self._path, problem.path_bounds), self.H_size
+            ),
+            wrong_signs(
+                m.initial, initial, problem.initial_bounds, constraint_sizes(initial, problem.initial_bounds), of_ends
+            ),
+            wrong_signs(m.final, final, problem.final_bounds, constraint_sizes(final, problem.final_bounds), of_ends),
         ]
         if problem.free_duration:
             T, own = np.array([s.duration]), NamedValues(("T",), np.array([m.duration]))
             bounds = Interval(*(np.array([bound]) for bound in problem.duration_bounds))
-            worst.append(_wrong_signs(own, T, bounds, T, s.duration * self.H_size))
+            worst.append(wrong_signs(own, T, bounds, T, s.duration * self.H_size))
         return max(worst)
 
     def _not_unique(self) -> Iterator[OptimalityCondition]:
@@ -435,44 +435,3 @@ class _Judge:
                     held = ", ".join(u for u, on in zip(problem.controls, moving, strict=True) if on)
                     why = f"{name} and {held} are on their bounds at once: only the sum of what holds them is known"
                     yield _not_judged(f"multipliers of {name} and {held} apart", why)
-
-
-def _touched(values: Array, limits: Interval, scale: Array) -> Flags:
-    near = _TOUCHING * scale
-    touched: Flags = (values - limits.lower <= near) | (limits.upper - values <= near)
-    return touched
-
-
-def _sizes(values: Array, limits: Interval) -> Array:
-    """Sizes (n,) of constraints: of their limits and of the values (..., n) that they take."""
-    finite = [np.abs(np.where(np.isfinite(limit), limit, 0.0)) for limit in limits]
-    own = np.abs(values).max(axis=tuple(range(values.ndim - 1)), initial=0.0)
-    sizes: Array = np.maximum(np.maximum(*finite), np.maximum(own, _SMALL))
-    return sizes
-
-
-def _wrong_signs(own: NamedValues, values: Array, limits: Interval, scale: Array, size: float) -> float:
-    """The largest multiplier of a wrong sign, or of a limit that does not hold, over the largest of its kind.
-
-    Multipliers are compared as shares of the cost, times the scale of what they limit; ``size`` is the magnitude that
-    these are compared with.
-    """
-    near = 10.0 * _TOUCHING * scale
-    wrong = _beyond(own.values, values - limits.lower <= near, limits.upper - values <= near)
-    largest = max(float(np.abs(own.values * scale).max(initial=0.0)), _NEGLIGIBLE * size)
-    return float(np.abs(wrong * scale).max(initial=0.0)) / largest
-
-
-def _beyond(values: Array, at_upper: Flags, at_lower: Flags) -> Array:
-    """Values where they should be 0, inside; the positive ones at an upper, the negative ones at a lower limit."""
-    outside = [at_upper & at_lower, at_upper, at_lower]
-    parts = [np.zeros_like(values), np.maximum(values, 0.0), np.minimum(values, 0.0)]
-    return np.select(outside, parts, values)
-
-
-def _path_values(solution: SolutionView) -> Array:
-    times = solution.point_times.ravel()
-    x, u = solution.inner.reshape(len(times), -1), solution.u.reshape(len(times), -1)
-    p = np.tile(solution.parameters[:, None], (1, len(times)))
-    values = solution.problem.path.map(len(times))(x.T, u.T, times[None, :], p)
-    return np.array(values.full()).T.reshape(*solution.point_times.shape, -1)

@@ -24,56 +24,37 @@ and a free start time. A problem is stated call by call, and solved:
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.breaks import fractions, times_of
 from mathnavi.controllers.ocp.comparisons import Row, bounded, end_limits, rows
+from mathnavi.controllers.ocp.compiled_statement import CompiledStatement
 from mathnavi.controllers.ocp.expressions import column, expression, number
-from mathnavi.controllers.ocp.guesses import Derived, Guess, Sampled, Simulation, Values, start_values
+from mathnavi.controllers.ocp.guesses import Derived, Guess, Simulation, Values, start_values
 from mathnavi.controllers.ocp.instants import ProblemAt
-from mathnavi.controllers.ocp.lowering import functions_of, guesses_of
+from mathnavi.controllers.ocp.lowering import guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
-from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions, duration_row, limit_rows
+from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
 from mathnavi.controllers.ocp.scaling import Scale, Scaling
 from mathnavi.controllers.ocp.scaling_rows import programme_scales
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import Options
-from mathnavi.controllers.ocp.statement import Duration, Statement
+from mathnavi.controllers.ocp.statement import Duration, DurationSymbol, Statement
+from mathnavi.controllers.ocp.statement_table import table_of
 from mathnavi.controllers.ocp.substitutions import guessed, since_start
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
-from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ProblemError
-from mathnavi.interfaces.short_tables import Row as TableRow
 from mathnavi.interfaces.short_tables import html_table, short_table
-
-KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
-"""problems with a known optimum by name, filled by ``mathnavi.controllers.ocp.problems.library``"""
 
 Numbers = float | Sequence[float]
 """one number for all components, or one for each"""
 Expression = Any
 """an SX expression, a number, or a sequence of these"""
-
-
-class DurationSymbol(ca.SX):
-    """The symbol T [s] of a final time, which is fixed by a call."""
-
-    def __init__(self, statement: Statement) -> None:
-        """Take the symbol of a statement."""
-        super().__init__(statement.final_time)
-        self._statement = statement
-
-    def __call__(self, value: float) -> ca.SX:
-        """Fix the final time at ``value`` [s]; returns its symbol."""
-        self._statement.set_duration(value, value, value)
-        return self._statement.final_time
 
 
 class OptimalControlProblem:
@@ -98,8 +79,7 @@ class OptimalControlProblem:
         self.name = name
         self.statement = Statement(name)
         self._integrals = 0
-        self._compiled: tuple[list[object], ProblemFunctions] | None = None
-        self._broken: tuple[ProblemFunctions, ProblemFunctions] | None = None
+        self._compiled = CompiledStatement(self.statement)
 
     @property
     def t(self) -> ca.SX:
@@ -467,7 +447,8 @@ class OptimalControlProblem:
                 method, scheme, monitor or parameter, a monitor or a scheme that its method cannot take, and break times
                 outside of the duration or, where it is free, for a method that cannot hold them.
         """
-        problem = self._with_breaks(breaks, method, whole=nodes is None and scheme is None and monitor is None)
+        whole = nodes is None and scheme is None and monitor is None
+        problem = self._compiled.with_breaks(self.functions(), breaks, method, whole=whole)
         values = problem.values_by_name(parameters)
         return solve_by(
             problem,
@@ -484,87 +465,17 @@ class OptimalControlProblem:
             starts=starts,
         )
 
-    def _with_breaks(self, breaks: Sequence[float], method: str, *, whole: bool) -> ProblemFunctions:
-        """The compiled functions with break times [s] besides their own; kept as they are.
-
-        ``whole`` is True if all but the method is left to the method.
-        """
-        problem = self.functions()
-        given = times_of(self.name, breaks, problem.duration_bounds[1])
-        if not given:
-            return problem
-        if problem.free_duration:
-            if method != "auto" or not whole:
-                raise ProblemError(
-                    f"{self.name}: breaks where the duration is free; allowed: method = 'auto' without nodes, scheme "
-                    "and monitor, which holds a node at each, or a duration that is fixed"
-                )
-            times = tuple(sorted(set(given)))
-            if self._broken is None or self._broken[0] is not problem or self._broken[1].break_times != times:
-                self._broken = problem, dataclasses.replace(problem, break_times=times)
-            return self._broken[1]
-        if method == "distribute":
-            raise ProblemError(
-                f"{self.name}: breaks with method = 'distribute', whose nodes are unknowns; allowed: another method"
-            )
-        every = fractions(np.append(np.array(given) / problem.guess_duration, problem.breaks))
-        if self._broken is None or self._broken[0] is not problem or self._broken[1].breaks != every:
-            self._broken = problem, dataclasses.replace(problem, breaks=every)
-        return self._broken[1]
-
     def functions(self) -> ProblemFunctions:
         """Compile and check the problem's functions; they are kept until something else is stated.
 
         Raises ProblemError, with the name of what is missing or contradicts itself.
         """
-        if not self.statement.states:
-            return self._of_the_literature()
-        parts = self.statement.parts
-        if self._compiled is None or not _same(parts, self._compiled[0]):
-            self._compiled = parts, functions_of(self.statement)
-        return self._compiled[1]
+        return self._compiled.functions()
 
     def __repr__(self) -> str:
         """A short table: what is stated, with its limits, and which states have no dynamics yet."""
-        return short_table(*self._table())
+        return short_table(*table_of(self.statement))
 
     def _repr_html_(self) -> str:
         """The same table, for a notebook."""
-        return html_table(*self._table())
-
-    def _table(self) -> tuple[str, list[TableRow]]:
-        s = self.statement
-        rows = limit_rows("state", [(v.name, v.lower, v.upper) for v in s.states])
-        rows += limit_rows("control", [(v.name, v.lower, v.upper) for v in s.controls])
-        rows += limit_rows("path", [(row.name, row.lower, row.upper) for row in s.path])
-        for at, stated, values in (("start of ", s.initial, s.starts), ("end of ", s.final, s.ends)):
-            pinned = {at + name: value for name, value in values.items()}
-            others = [row for row in stated if row.name not in pinned]
-            rows += [(name, f"= {value}", "") for name, value in pinned.items()]
-            rows += limit_rows("", [(row.name, row.lower, row.upper) for row in others])
-        at_times = [
-            (f"{row.name} at {each.time:g} s", row.lower, row.upper) for each in s.instants for row in each.rows
-        ]
-        rows += limit_rows("", at_times)
-        rows += limit_rows("parameter", [(each.name, each.nominal, each.nominal) for each in s.parameters])
-        if s.duration is not None:
-            rows.append(duration_row(s.duration.lower, s.duration.upper))
-        if missing := [v.name for v in s.states if v.name not in s.rates]:
-            rows.append(("no dynamics yet", ", ".join(missing), ""))
-        return f"OptimalControlProblem {self.name!r}", rows
-
-    def _of_the_literature(self) -> ProblemFunctions:
-        """The problem of this name whose optimum is known."""
-        if not KNOWN:
-            raise ProblemError(f"{self.name}: no state is declared; allowed: at least one")
-        if self.name not in KNOWN:
-            known = allowed_for(self.name, list(KNOWN))
-            raise ProblemError(f"{self.name}: no state is declared, and no problem with a known optimum; {known}")
-        return KNOWN[self.name]()
-
-
-def _same(parts: list[object], others: list[object]) -> bool:
-    """True if nothing was stated in between; a guess that is a function may have changed its values."""
-    if len(parts) != len(others) or any(isinstance(part, Sampled) for part in parts):
-        return False
-    return all(part is other for part, other in zip(parts, others, strict=True))
+        return html_table(*table_of(self.statement))

@@ -315,6 +315,20 @@ class Statement:
         return [*self.variable_names, *parameters, *(v.name for v in self.shared)]
 
 
+class DurationSymbol(ca.SX):
+    """The symbol T [s] of a final time, which is fixed by a call."""
+
+    def __init__(self, statement: Statement) -> None:
+        """Take the symbol of a statement."""
+        super().__init__(statement.final_time)
+        self._statement = statement
+
+    def __call__(self, value: float) -> ca.SX:
+        """Fix the final time at ``value`` [s]; returns its symbol."""
+        self._statement.set_duration(value, value, value)
+        return self._statement.final_time
+
+
 def limits(rows: list[Row]) -> Interval:
     """Lower and upper limits (n,) of rows."""
     return Interval(np.array([row.lower for row in rows], float), np.array([row.upper for row in rows], float))

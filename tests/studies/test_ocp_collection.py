@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from mathnavi.controllers.ocp.compiled_statement import KNOWN
 from mathnavi.controllers.ocp.methods.adaptation import solve
-from mathnavi.controllers.ocp.problem import KNOWN
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.studies.nodes.ocp_problems import (

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-from mathnavi.controllers.ocp.problem import KNOWN
+from mathnavi.controllers.ocp.compiled_statement import KNOWN
 from mathnavi.controllers.ocp.problem import OptimalControlProblem as OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.articles import (

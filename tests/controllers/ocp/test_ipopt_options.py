@@ -60,3 +60,12 @@ def test_a_linear_solver_that_is_not_there_is_a_status() -> None:
 def test_options_that_ipopt_has_not_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(FieldError, match="allowed"):
         Options(**wrong)
+
+
+@pytest.mark.parametrize("log", [5, b"a.log", True, "", "{}", "{}/none/a.log", "{}/a.log/b.log"])
+def test_a_log_that_cannot_be_written_is_refused_before_anything_is_solved(log: Any, tmp_path: Path) -> None:
+    kept = tmp_path / "a.log"
+    kept.write_text("kept")
+    with pytest.raises(FieldError, match=r"^log = .*; allowed: a (text|file)"):
+        Options(log=log.format(tmp_path) if isinstance(log, str) else log)
+    assert kept.read_text() == "kept"

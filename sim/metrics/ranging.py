@@ -93,6 +93,7 @@ class RangingErrors:
     t: Array  # (n,) [s]
     difference: Array  # (n, 3) [m, m, rad] estimate less truth, modulo the symmetry of the wall; NaN before the first
     nees: Array  # (n,) e' P^-1 e; NaN without a covariance
+    covariance: Array  # (n, 3, 3) of the estimates; NaN without one
     found: NDArray[np.bool_]  # (n,) whether the estimator had an estimate
 
     @staticmethod
@@ -108,7 +109,7 @@ class RangingErrors:
                 covariance = estimates[newest].covariance
                 if covariance is not None:
                     P[k] = covariance
-        return RangingErrors(recording.t, difference, normalised_error_squared(difference, P), found)
+        return RangingErrors(recording.t, difference, normalised_error_squared(difference, P), P, found)
 
     @property
     def position(self) -> Array:

@@ -4,8 +4,7 @@ A robot drives between places that are drawn within a wall through five corners,
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare.
 
-**Sure and wrong** is an estimate that is OK while its error is above three of its standard deviations for more than a
-second: of the position by its norm, against the largest standard deviation of any direction, and of the heading.
+What is **sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.metrics.sure_and_wrong import LASTING, sure_and_wrong
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
@@ -54,8 +54,6 @@ DURATION, ONSET, END = 30.0, 8.0, 18.0  # [s] of a run, and of its fault
 SETTLED = 3.0  # [s] until which a filter may be wrong by the start that it was told
 NOISE, ODOMETRY, UNSURE = 0.02, (0.02, 0.02), 0.05  # [m], [m/s, rad/s]; [m, rad] deviation of a start that is known
 SPEED, TURN, MARGIN = 0.25, 1.0, 0.5  # [m/s], [rad/s] at most; [m] between the places to drive to and the wall
-LASTING = 1.0  # [s] for which an estimate is wrong before it counts
-DEVIATIONS = 3.0
 CARRIED = 2.0  # [m]
 FINDING = ("feasible_set_bank", "range_certified")  # estimators that are not told the start
 ESTIMATORS = (
@@ -435,11 +433,14 @@ def _carried(x: Array, rng: np.random.Generator) -> Array:
 def judged(estimates: Sequence[Estimate], truth: Array, *, persists: bool = False) -> Outcome:
     """Judge the estimates of a run by the truth (n, 3); one recovers from a fault that ``persists`` while it does."""
     ok = np.array([each.status is Status.OK for each in estimates])
-    far, turned = (np.array(each) for each in zip(*map(_wrong, estimates, truth), strict=True))
+    difference = np.array([each.x for each in estimates]) - truth
+    difference[:, 2] -= 2.0 * math.pi * np.round(difference[:, 2] / (2.0 * math.pi))
+    none = np.full((3, 3), math.nan)
+    P = np.array([none if each.covariance is None else each.covariance for each in estimates])
+    wrong = sure_and_wrong(PERIOD * np.arange(len(ok)), ok, difference, P).T
     onset, end = round(ONSET / PERIOD), round((ONSET if persists else END) / PERIOD)
     later = slice(onset, None)
     missing = np.flatnonzero(~ok[onset:])
-    wrong = _lasting(ok & far), _lasting(ok & turned)
     bad = np.flatnonzero(~ok | wrong[0] | wrong[1])
     whole = int(bad[-1]) + 1 if len(bad) else 0  # the update from which on it is right for good
     settled = len(ok) - round(LASTING / PERIOD)
@@ -450,22 +451,3 @@ def judged(estimates: Sequence[Estimate], truth: Array, *, persists: bool = Fals
         detected=PERIOD * float(missing[0]) if len(missing) else math.nan,
         recovered=PERIOD * max(0, whole - end) if whole <= settled else math.nan,
     )
-
-
-def _wrong(estimate: Estimate, x: Array) -> tuple[bool, bool]:
-    """True for a position, and for a heading, whose error is above three deviations."""
-    P, d = estimate.covariance, estimate.x - x
-    if P is None:
-        return False, False
-    limit = DEVIATIONS * math.sqrt(max(float(np.linalg.eigvalsh(P[:2, :2])[-1]), 0.0))
-    turn = abs(math.remainder(d[2], 2.0 * math.pi))
-    return math.hypot(d[0], d[1]) > limit, turn > DEVIATIONS * math.sqrt(max(P[2, 2], 0.0))
-
-
-def _lasting(wrong: np.ndarray) -> np.ndarray:
-    """True (n,) within stretches that last for more than ``LASTING``."""
-    edges = np.flatnonzero(np.diff([0, *wrong.astype(int), 0]))
-    lasting = np.zeros(len(wrong), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        lasting[begin:end] = end - begin > LASTING / PERIOD
-    return lasting

@@ -112,8 +112,8 @@ class Transcription:
             parameters: (np,) values of the problem's parameters; None for the nominal ones.
             arcs: arcs of the grid, with unknown lengths and separate bounds of the controls, as many as the
                 transcription has. None for a transcription of one arc.
-            explained: True if a programme without arcs that found no feasible point names the constraints that cannot
-                hold together.
+            explained: True if a programme that found no feasible point is examined: which constraints cannot hold
+                together, of one without arcs, and whether it is proved that the problem has none.
             plain_rows: True for rows as they are stated, over no scales of their own.
 
         Raises:
@@ -163,7 +163,8 @@ class Transcription:
             self._tie(bounds, arcs, where, x_0)
         elif self._clocks and isinstance(guess, Solution) and not self.scheme.shared:
             bounds = self._as_guessed(bounds, guess, where, x_0)
-        near = guess.cost if isinstance(guess, Solution) and guess.solves(self.problem, p) else None
+        feasible_guess = isinstance(guess, Solution) and guess.solves(self.problem, p)
+        near = guess.cost if isinstance(guess, Solution) and feasible_guess else None
         answer = self.solver.solve(x_0, known, bounds=bounds, plain_rows=plain_rows, cost=near)
         if answer.status is SolverOutcome.NOT_FINITE:
             answer = self._explained(answer, x_0, where, p)
@@ -177,7 +178,7 @@ class Transcription:
         found = dataclasses.replace(found, solved_programme=solved)
         if answer.status is SolverOutcome.NO_FEASIBLE_POINT and arcs is None and explained:
             found = self._examined(found, answer, known)
-        if found.status in _MAY_BE_INFEASIBLE and not (isinstance(guess, Solution) and guess.solves(self.problem, p)):
+        if found.status in _MAY_BE_INFEASIBLE and explained and not feasible_guess:
             found = proved(found, named=found.message != answer.message)
         if smoothing.any():  # it is no part of J
             u = found.u / self.problem.control_scale

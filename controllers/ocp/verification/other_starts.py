@@ -63,6 +63,8 @@ class Minima:
         )
         none = f", none from {self.failed}" if self.failed else ""
         total = sum(self.starts) + self.failed
+        if not found:
+            return f"{total} other starts are not compared: a coarse mesh does not hold the solution"
         return f"minima from {total} starts, on a coarse mesh: {found}{none}"
 
 

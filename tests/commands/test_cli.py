@@ -8,6 +8,7 @@ import os
 import re
 import runpy
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -234,6 +235,22 @@ def test_render_draws_a_still(flown: Path, capsys: pytest.CaptureFixture[str]) -
     path.unlink()
 
 
+def test_a_report_is_written_at_any_time(
+    flown: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page of a run without one is that of `run --report`, wherever it is written to."""
+    copy = shutil.copytree(flown, tmp_path / "copy")
+    at_once = (copy / "report.html").read_text(encoding="utf-8").replace(str(flown), "copy")
+    (copy / "report.html").unlink()
+    monkeypatch.chdir(tmp_path)
+    assert main(["report", "copy"]) == 0
+    assert capsys.readouterr().out == "copy/report.html\n"
+    assert main(["report", "copy", "--out", "pages/page.htm"]) == 0
+    assert capsys.readouterr().out == "pages/page.htm\n"
+    for page in (copy / "report.html", tmp_path / "pages" / "page.htm"):
+        assert page.read_text(encoding="utf-8") == at_once
+
+
 def test_a_camera_that_a_run_is_not_drawn_by_is_refused(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for still in ([], ["--still"]):
         assert main(["render", str(flown), "--camera", "front", *still]) == 2
@@ -255,7 +272,9 @@ def test_list_shows_what_is_installed(capsys: pytest.CaptureFixture[str], monkey
     assert "tian_shan" not in shown
 
 
-@pytest.mark.parametrize("command", ["", "list", "run", "run safe-flight", "render", "terrain", "terrain import"])
+@pytest.mark.parametrize(
+    "command", ["", "list", "run", "run safe-flight", "render", "report", "terrain", "terrain import"]
+)
 def test_help_explains_every_command(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*command.split(), "--help"]) == 0
     out, err = capsys.readouterr()

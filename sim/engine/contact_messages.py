@@ -21,13 +21,18 @@ def touching(thing: str, where: Sequence[float], speed: float) -> str:
     return f"{_TOUCHES}{thing}{f'{_AT}{list(where)} with {speed:.1f} m/s' if where else ''}"
 
 
+def thing_touched(event: Event) -> str:
+    """Return what the event of a contact calls the thing."""
+    return event.message.removeprefix(_TOUCHES).partition(_AT)[0]
+
+
 def declaration(things: Iterable[str]) -> str:
-    """Return what to write so that contacts with these things are no events, in words."""
+    """Return what to write so that contacts with these things are no events."""
     things = list(things)
     unnamed = [thing for thing in things if thing.startswith(_UNNAMED)]
     names = ", ".join(f'"{"NAME" if thing in unnamed else thing}"' for thing in things)
-    first = f'give {" and ".join(unnamed)} of the model a name, name="NAME", and ' if unnamed else ""
-    return f"{first}write VehicleSetup(..., ignored_contacts=({names}{',' * (len(things) == 1)}))"
+    named = f', with name="NAME" for {" and ".join(unnamed)} of the model' if unnamed else ""
+    return f"VehicleSetup(..., ignored_contacts=({names}{',' * (len(things) == 1)})){named}"
 
 
 def declaration_at_start(events: Iterable[Event], t: float) -> str:
@@ -38,8 +43,8 @@ def declaration_at_start(events: Iterable[Event], t: float) -> str:
     first = next((event for event in events if event.kind in KINDS), None) if t < BEGINNING else None
     if first is None:
         return ""
-    thing = first.message.removeprefix(_TOUCHES).partition(_AT)[0]
+    thing = thing_touched(first)
     return (
         f"{first.agent} touches {thing} from the start: if it stands or rolls there in normal operation, "
-        f"{declaration([thing])}"
+        f"write {declaration([thing])}"
     )

@@ -252,7 +252,8 @@ def _at(kind: str, place: str) -> Any:
         ) from None
     if not hasattr(module, attribute):
         found = getattr(module, "__file__", None) or name
-        own = [each for each, value in vars(module).items() if isinstance(value, type) and value.__module__ == name]
+        classes = {each: value for each, value in vars(module).items() if isinstance(value, type)}
+        own = [each for each, value in classes.items() if f"{value.__module__}.".startswith(f"{name}.")]
         built = [each for each in own if hasattr(getattr(module, each), "build")]
         allowed = allowed_for(attribute, built) if built else f"allowed: {_PLACE}"
         wrong = f"{found} has no {attribute}" if attribute else "it names no class"

@@ -11,9 +11,9 @@ from mathnavi.sim.engine.contact_messages import declaration, declaration_at_sta
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (["floor"], 'write VehicleSetup(..., ignored_contacts=("floor",))'),
-        (["floor", "ramp"], 'write VehicleSetup(..., ignored_contacts=("floor", "ramp"))'),
-        (["geom 4"], 'give geom 4 of the model a name, name="NAME", and write VehicleSetup(..., ignored_contacts=("NAME",))'),
+        (["floor"], 'VehicleSetup(..., ignored_contacts=("floor",))'),
+        (["floor", "ramp"], 'VehicleSetup(..., ignored_contacts=("floor", "ramp"))'),
+        (["geom 4"], 'VehicleSetup(..., ignored_contacts=("NAME",)), with name="NAME" for geom 4 of the model'),
     ],
 )  # fmt: skip
 def test_the_line_to_write_has_the_geoms_by_name(names: list[str], said: str) -> None:

@@ -23,6 +23,10 @@ COMMANDS = {
     "report": ("mathnavi.commands.report", "a page of a run: verdict, figures, charts, pictures, events"),
     "view": ("mathnavi.commands.view", "a run in MuJoCo's own viewer, or in a browser"),
     "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
+    "new": (
+        "mathnavi.commands.new",
+        "a folder with a vehicle, planner, observer, scenario or terrain of one's own, which runs at once",
+    ),
     "check": ("mathnavi.commands.check", "what fits of a model or a plug-in, and what is missing, before a run"),
     "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),
     "completion": ("mathnavi.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
@@ -38,6 +42,7 @@ OPTIONS = {  # dataclass of a command's own flags
     "report": "mathnavi.commands.report:ReportOptions",
     "view": "mathnavi.commands.view:ViewOptions",
     "compare": "mathnavi.commands.compare:CompareOptions",
+    "new": "mathnavi.commands.new:NewOptions",
     "check": "mathnavi.commands.check:CheckOptions",
     "store show": "mathnavi.commands.store:StoreShowOptions",
     "store export": "mathnavi.commands.store:StoreExportOptions",

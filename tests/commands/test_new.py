@@ -92,7 +92,9 @@ def test_the_page_of_the_rover_shows_parts_of_what_is_made() -> None:
     code = contents("vehicle", "rover")
     page = (DOCS / "rover.md").read_text(encoding="utf-8")
     shown = re.findall(r"^```(?:py|xml)\n(?:# |<!-- )(\S+?)(?: -->)?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
-    assert {file for file, _ in shown} == {path for path in code if path.startswith("rover/") and "__init__" not in path}
+    assert {file for file, _ in shown} == {
+        path for path in code if path.startswith("rover/") and "__init__" not in path
+    }
     for file, text in shown:
         for part in text.split("...\n"):
             assert part.strip("\n") in code[file], f"{file}:\n{part}"

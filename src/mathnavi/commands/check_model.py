@@ -1,6 +1,6 @@
 """Check of an MJCF file: MuJoCo compiles it, and it is stepped for five seconds as it stands.
 
-A file whose joints have names "VEHICLE/JOINT" is the world of a scenario of one's own; the vehicles in it are put into
+A file whose joints have names "VEHICLE/JOINT" is the world of a scenario of yours; the vehicles in it are put into
 the plant of such a scenario. Any other file is a mechanism, put into ``arm-velocity`` with each of the controllers and
 estimators that drive and observe mechanisms.
 """
@@ -92,7 +92,7 @@ def _vehicles(model: mujoco.MjModel) -> list[str]:
     return list(dict.fromkeys(vehicle for vehicle, slash, _ in names if slash))
 
 
-# ---- vehicles in the world of a scenario of one's own
+# ---- vehicles in the world of a scenario of yours
 
 
 def _check_vehicles(model: mujoco.MjModel, vehicles: Sequence[str], result: CheckResult) -> None:

@@ -25,7 +25,7 @@ COMMANDS = {
     "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
     "new": (
         "mathnavi.commands.new",
-        "a folder with a vehicle, planner, observer, scenario or terrain of one's own, which runs at once",
+        "a folder with a vehicle, planner, observer, scenario or terrain of yours, which runs at once",
     ),
     "check": ("mathnavi.commands.check", "what fits of a model or a plug-in, and what is missing, before a run"),
     "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),

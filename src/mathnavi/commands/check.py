@@ -16,6 +16,7 @@ from mathnavi.commands.command_line import prepare
 from mathnavi.commands.errors import bad_input
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.field_table import Positional
+from mathnavi.sim.plugin.registry import names
 
 DESCRIPTION = (
     "Check an MJCF file, or a scenario, controller or estimator, before a run: what fits, and what is missing, with "
@@ -23,13 +24,15 @@ DESCRIPTION = (
 )
 
 
+PLUGINS = ("scenarios", "controllers", "estimators", "consensus")
+
+
 @configuration
 class CheckOptions:
     """Words of the command: what is checked."""
 
     subject: Annotated[str, Positional("MODEL.xml|MODULE:Class")]
-    """path of an MJCF file, dm_control:NAME or menagerie:NAME; or a class as --controller takes it, whose file may be
-    named too: rover.py:Rover"""
+    """path of an MJCF file, dm_control:NAME or menagerie:NAME; or a plug-in: its name, MODULE:Class or FILE.py:Class"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -43,13 +46,14 @@ def main(argv: Sequence[str]) -> int:
 
 def _checked(subject: str) -> CheckResult:
     module, colon, _ = subject.partition(":")
-    if not colon or module in ("dm_control", "menagerie") or Path(subject).is_file():
-        from mathnavi.commands.check_model import check_model
+    installed = any(subject in names(kind) for kind in PLUGINS)
+    if installed or (colon and module not in ("dm_control", "menagerie") and not Path(subject).is_file()):
+        from mathnavi.commands.check_plugin import check_plugin
 
-        return check_model(subject)
-    from mathnavi.commands.check_plugin import check_plugin
+        return check_plugin(subject)
+    from mathnavi.commands.check_model import check_model
 
-    return check_plugin(subject)
+    return check_model(subject)
 
 
 def _print(result: CheckResult) -> None:

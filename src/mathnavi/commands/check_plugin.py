@@ -100,7 +100,7 @@ def _article(word: str) -> str:
 
 def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
     """Check a controller, an estimator or a consensus: the mission that it is for, the scenarios with such a one."""
-    mission = get_type_hints(plugin.build).get("mission")
+    mission = _mission_of(plugin)
     if mission is None:
         result.note(
             "build() does not say which mission it is for: with another one it fails where it first misses something",
@@ -122,10 +122,18 @@ def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
 
 def _same_mission(kind: str, default: str, mission: Any) -> bool:
     try:
-        its = get_type_hints(load(kind, default).build).get("mission")
-    except (PluginError, NameError, TypeError):
+        its = _mission_of(load(kind, default))
+    except PluginError:
         return False
     return its is mission or (isinstance(its, type) and isinstance(mission, type) and _is_subclass(its, mission))
+
+
+def _mission_of(plugin: Any) -> Any:
+    """Return the type of mission that a plug-in says it is for; None if it says none, or one that is not known here."""
+    try:
+        return get_type_hints(plugin.build).get("mission")
+    except (NameError, TypeError):
+        return None
 
 
 def _is_subclass(one: type, other: type) -> bool:

@@ -29,7 +29,8 @@ from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, load
 from mathnavi.sim.scenarios.arm_velocity import VEHICLE, ArmVelocityConfig, believed, clock
 
-SECONDS = 5.0  # for which a model is stepped
+DURATION = 5.0  # [s] of the run that is proposed
+TIME_STEPPED = 5.0  # [s] for which a model is stepped
 AT_REST = 0.5  # [s] within which what touches stands there
 CONTROLLERS = ("joint_tracking", "input_signal")  # of mechanisms, the scenario's own first
 ESTIMATORS = (
@@ -189,7 +190,7 @@ def _input(model: mujoco.MjModel, i: int) -> str:
 
 def _check_mechanism(place: str, model: mujoco.MjModel, result: CheckResult) -> None:
     try:
-        config = ArmVelocityConfig(mechanism=place, duration=SECONDS)
+        config = ArmVelocityConfig(mechanism=place, duration=DURATION)
         mission = believed(config)
         arena = build_model(place, name=VEHICLE)
     except (ValueError, RuntimeError) as error:
@@ -210,7 +211,7 @@ def _check_mechanism(place: str, model: mujoco.MjModel, result: CheckResult) -> 
     if result.fits and all(chosen.values()):
         defaults = {"controller": CONTROLLERS[0], "estimator": ESTIMATORS[0]}
         flags = [f"--{part} {name}" for part, name in chosen.items() if name != defaults[part]]
-        words = ["mathnavi run arm-velocity --mechanism", shlex.quote(place), *flags, f"--duration {SECONDS:g}"]
+        words = ["mathnavi run arm-velocity --mechanism", shlex.quote(place), *flags, f"--duration {DURATION:g}"]
         result.command = " ".join(words)
 
 
@@ -266,10 +267,15 @@ def _check_motion(plant: MujocoPlant, result: CheckResult, u: Any = None) -> Non
 def _stepped(plant: MujocoPlant, commands: Mapping[str, Any]) -> list[Event]:
     """Events of five seconds, or of the time until the simulation diverges."""
     events: list[Event] = []
-    for _ in range(0, round(SECONDS / plant.dt), _TICKS):
-        events += plant.step(commands, _TICKS)
-        if any(event.kind == DIVERGED for event in events):
-            break
+    printing = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)  # events say each warning once
+    try:
+        for _ in range(0, round(TIME_STEPPED / plant.dt), _TICKS):
+            events += plant.step(commands, _TICKS)
+            if any(event.kind == DIVERGED for event in events):
+                break
+    finally:
+        mujoco.set_mju_user_warning(printing)
     return events
 
 

@@ -219,10 +219,8 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
             own = read_spec(path, FieldError)
             for kind in ("body", "joint", "actuator", "key"):
                 _name(kind, getattr(own, {"body": "bodies"}.get(kind, f"{kind}s")))
-            copied = own.copy()
-            if _size(copied) < _size(
-                own
-            ):  # MuJoCo's copy leaves out what refers to nothing, and its compiler refuses it
+            copied = own.copy()  # which leaves out what refers to nothing; MuJoCo's compiler refuses that
+            if _size(copied) < _size(own):
                 read_spec(path, FieldError).compile()
             alone = copied.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:

@@ -133,6 +133,7 @@ def contents(kind: str, name: str) -> dict[str, str]:
 def templates(kind: str) -> dict[str, str]:
     """Return the texts of the templates of a kind, by their paths in the folder that is made."""
     own = TEMPLATES / kind
-    files = {path.relative_to(own).as_posix(): path for path in sorted(own.rglob(f"*{ENDING}"))}
+    files = {path.relative_to(own).as_posix(): path for path in own.rglob(f"*{ENDING}")}
     files[f"pyproject.toml{ENDING}"] = TEMPLATES / f"pyproject.toml{ENDING}"
-    return {path.removesuffix(ENDING): read_text(file, ValueError, MOST) for path, file in files.items()}
+    paths = sorted(files, key=lambda path: ("/" in path, path))
+    return {path.removesuffix(ENDING): read_text(files[path], ValueError, MOST) for path in paths}

@@ -39,14 +39,6 @@ estimate full_state flight --out new
 render textbook --still
 render flight --still --camera top --time 0.1
 render arm --clip --begin 0 --end 0.1
-report textbook --out new.html
-report arm
-new terrain fens --out new
-new vehicle rover
-check arm.xml
-check dm_control:pendulum
-check range_ekf
-check textbook-observer
 view textbook
 view arm --speed 2
 compare textbook textbook --out new.html
@@ -100,9 +92,7 @@ def written(words: Sequence[str], work: Path) -> tuple[str, ...]:
     """Places in the working folder that words of a command allow it to write."""
     named = [word for flag, word in pairwise(words) if flag in ("--out", "--store")]
     named += [word.partition("=")[2] for word in words if word.startswith(("--out=", "--store="))]
-    if words[:1] == ["new"]:
-        named += [word for word in words[2:] if len(word) < 200]
-    if words[:1] in (["render"], ["report"]):
+    if words[:1] == ["render"]:
         named += [word for word in words[1:] if len(word) < 200 and (work / word).is_dir()]
     pages = [f"{os.path.splitext(name)[0]}{ending}" for name in named for ending in (".html", ".png")]
     return (DEFAULT_OUT, *named, *pages)

@@ -31,7 +31,7 @@ class StateView(Protocol):
     def sensed(self, name: str) -> Array:
         """Return a copy of the present reading of one of the vehicle's MuJoCo sensors, for example a rangefinder.
 
-        Raises ValueError if the vehicle has none of that name, or none that follows from the positions alone.
+        Raises ValueError if the vehicle has none of that name.
         """
         ...
 

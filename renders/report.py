@@ -1,5 +1,4 @@
-"""Report of a run on one page: ``report.html``, which is self-contained and needs no network; the skeleton of such a
-page.
+"""Report of a run on one page, which is self-contained and needs no network; the skeleton of such a page.
 
 Every report has a headline, figures of merit, summary, wall-clock times of the components, figures, events and
 configuration; a drawing fills them (``run_page``). It contains pictures of the scene if OpenGL is available, else one
@@ -55,16 +54,23 @@ class Headline:
     tiles: Mapping[str, object]  # the few figures that matter most, by name
 
 
-def write_report(run_dir: str | Path) -> Path:
-    """Write ``report.html`` into the run's folder, whole or not at all, and return its path.
+def write_report(run_dir: str | Path, path: Path | None = None) -> Path:
+    """Write the page of a run whole or not at all, to ``report.html`` in its folder if no ``path`` is given; return the
+    path.
 
     Raises FileNotFoundError or ValueError for a run that is missing or broken.
     """
-    directory, drawing = Path(run_dir), drawing_of(run_dir)
-    path = directory / "report.html"
-    opengl.import_mujoco()  # which the scene of a page needs; what draws is another process
-    write_text(path, drawing.page(drawing.load_run(directory)))
+    directory = Path(run_dir)
+    path = directory / "report.html" if path is None else path
+    write_text(path, report_page(directory))
     return path
+
+
+def report_page(directory: Path) -> Markup:
+    """The page of the run in a folder; errors as of ``write_report``."""
+    drawing = drawing_of(directory)
+    opengl.import_mujoco()  # which the scene of a page needs; what draws is another process
+    return drawing.page(drawing.load_run(directory))
 
 
 def run_page(

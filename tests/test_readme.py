@@ -36,7 +36,9 @@ def test_five_lines_fly_a_scenario_and_read_arrays(shown: dict[str, Any], capsys
     assert "safe-flight" in Path("flight.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("command", ["run", "sweep", "store", "study", "render", "terrain", "list"])
+@pytest.mark.parametrize(
+    "command", ["run", "sweep", "store", "study", "render", "report", "new", "check", "terrain", "list"]
+)
 def test_every_command_of_the_catalogue_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert f"mathnavi {command}" in COMMANDS
     assert main([command, "--help"]) == 0

@@ -157,6 +157,7 @@ _REFERENCES = {
     **{"objname": "objtype", "refname": "reftype"},
 }
 """fields of an element that name another one, and the field with its kind; None for a body"""
+_REFERRING = ("actuators", "sensors", "equalities", "excludes", "pairs", "tendons", "flexes", "skins", "keys")
 _CARRIERS = ("vertbody", "nodebody")  # fields of a flex with the names of the bodies that carry it
 _VECTORS = ("MjIntVec", "MjFloatVec", "MjDoubleVec", "MjStringVec")
 _BODIES = (mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_XBODY)
@@ -218,7 +219,10 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
             own = read_spec(path, FieldError)
             for kind in ("body", "joint", "actuator", "key"):
                 _name(kind, getattr(own, {"body": "bodies"}.get(kind, f"{kind}s")))
-            alone = own.copy().compile()
+            copied = own.copy()  # which leaves out what refers to nothing; MuJoCo's compiler refuses that
+            if _size(copied) < _size(own):
+                read_spec(path, FieldError).compile()
+            alone = copied.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise FieldError(
@@ -274,6 +278,11 @@ def build_model(mechanism: MechanismName | str | Path, *, name: str = "mechanism
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise FieldError(f"mechanism = {str(mechanism)!r}; allowed: one that an arena can hold ({reason})") from None
+
+
+def _size(spec: Any) -> int:
+    """Number of the elements that refer to others."""
+    return sum(len(getattr(spec, kind)) for kind in _REFERRING)
 
 
 def _name(kind: str, elements: Sequence[Any]) -> None:

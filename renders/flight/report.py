@@ -85,7 +85,7 @@ def _figures(run: FlightRun) -> list[Drawn]:
         (
             "map",
             map_figure(run),
-            f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target.",
+            f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target.{_shorter(run)}",
         ),
         (
             "profile",
@@ -104,6 +104,17 @@ def _figures(run: FlightRun) -> list[Drawn]:
             )
         )
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]
+
+
+def _shorter(run: FlightRun) -> str:
+    """Sentence on why the path is shorter than the straight line to the target; "" where it is not."""
+    straight = run.summary.get("straight_line_m")
+    if straight is None or run.travelled[-1] >= straight or not run.summary.get("arrived"):
+        return ""
+    return (
+        f" The flight ends within {run.mission.arrival_radius:g} m of the target, which counts as arrival, so its path "
+        "is shorter than the straight line to the target."
+    )
 
 
 def map_figure(run: FlightRun) -> Figure:

@@ -1,8 +1,10 @@
-"""Charts of a run from its log alone: states, inputs and estimate errors, under the names and units of the log."""
+"""Charts of a run from its log alone: states, inputs, readings, estimates and their errors, under the names and units
+of the log.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib
 import numpy as np
@@ -15,6 +17,8 @@ from mathnavi.renders.generic.run_data import GenericRun, estimates
 from mathnavi.renders.palette import SceneElement, hexadecimal, vehicle_colour
 
 MOST_ROWS = 12  # of charts in a figure; of more states the first ones are drawn
+MOST_NUMBERED = 4  # lines of a chart that are numbered beside it
+READING_PREFIX, ESTIMATE_PREFIX = "measurement.", "estimate."  # of the names of arrays
 WIDTH, ROW = 9.4, 1.25  # [inches]
 TRUTH, ESTIMATE = colour_of(SceneElement.TRUE_PATH), colour_of(SceneElement.ESTIMATE)
 
@@ -77,6 +81,53 @@ def errors_figure(run: GenericRun) -> Figure | None:
                 axes.plot(found.t[rows], found.error[rows, k], color=colour, lw=1.1)
                 _ends(axes, label, _within(found.error[:, k]))
         panels[-1].set(xlabel="time [s]", xlim=(0.0, run.duration))
+    return figure
+
+
+def estimates_figure(run: GenericRun) -> Figure | None:
+    """Draw the estimate of a vehicle whose estimator estimates something else than its state, with what it says
+    besides; None without one.
+    """
+    log = next(iter(run.vehicles.values()))
+    t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
+    if t is None or x is None or x.ndim != 2 or not len(t) or estimates(log) is not None:
+        return None
+    further = {name.removeprefix(ESTIMATE_PREFIX): log.arrays[name] for name in sorted(log.arrays)}
+    further = {
+        name: values.reshape(len(t), -1)
+        for name, values in further.items()
+        if f"{ESTIMATE_PREFIX}{name}" in log.arrays and name not in ("t", "x", "unused") and values.size == len(t)
+    }
+    columns = {**{f"estimate {k + 1}": x[:, [k]] for k in range(x.shape[1])}, **further}
+    return _columns_figure({name: (t, values) for name, values in list(columns.items())[:MOST_ROWS]}, run.duration)
+
+
+def readings_figure(run: GenericRun) -> Figure | None:
+    """Draw the readings of each sensor of a vehicle over time, a line for each component; None without readings."""
+    log = next(iter(run.vehicles.values()))
+    columns = {}
+    for name in sorted(name for name in log.arrays if name.startswith(READING_PREFIX)):
+        values = log.arrays[name].reshape(len(log.t), -1)
+        read = np.isfinite(values).any(axis=1)
+        if read.any():
+            columns[name.removeprefix(READING_PREFIX)] = log.t[read], values[read]
+    return _columns_figure(dict(list(columns.items())[:MOST_ROWS]), run.duration) if columns else None
+
+
+def _columns_figure(columns: Mapping[str, tuple[Array, Array]], duration: float) -> Figure:
+    """One panel for each name, with a line for each column of its values (k, m) at the times (k,) [s]."""
+    with matplotlib.rc_context(STYLE):
+        figure, panels = _panels(len(columns))
+        for axes, (name, (t, values)) in zip(panels, columns.items(), strict=True):
+            rows = thinned(len(t), 0)
+            several = values.shape[1] > 1
+            for k in range(values.shape[1]):
+                colour = hexadecimal(vehicle_colour(k)) if several else ESTIMATE
+                axes.plot(t[rows], values[rows, k], color=colour, lw=1.1, label=str(k + 1))
+            if 1 < values.shape[1] <= MOST_NUMBERED:
+                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=8, borderaxespad=0.1)
+            _ends(axes, name, _within(values))
+        panels[-1].set(xlabel="time [s]", xlim=(0.0, duration))
     return figure
 
 

@@ -8,8 +8,15 @@ from matplotlib.figure import Figure
 from mathnavi.renders import page
 from mathnavi.renders.figures import cost_figure
 from mathnavi.renders.generic.drawing import highlight, verdict
-from mathnavi.renders.generic.figures import errors_figure, inputs_figure, states_figure
-from mathnavi.renders.generic.run_data import GenericRun
+from mathnavi.renders.generic.figures import (
+    MOST_ROWS,
+    errors_figure,
+    estimates_figure,
+    inputs_figure,
+    readings_figure,
+    states_figure,
+)
+from mathnavi.renders.generic.run_data import GenericRun, estimates
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.sim.records.figure_names import SHORTFALL, label
@@ -19,13 +26,19 @@ MOST_TILES = 5
 
 def report(run: GenericRun) -> Markup:
     """Return the report's HTML."""
-    charts = page.section("States, inputs and errors", *page.figure_blocks(_figures(run)))
+    charts = page.section("Charts", *page.figure_blocks(_figures(run)))
     return run_page(run, _headline(run), (*_pictures(run), charts), by_vehicle=len(run.vehicles) > 1)
 
 
 def at_a_glance(run: GenericRun) -> Figure:
     """The states over time, with their estimates."""
     return states_figure(run)
+
+
+def _left_out(run: GenericRun) -> str:
+    """Sentence on the states that are not drawn; "" if all are."""
+    most = max(map(len, run.states.values()))
+    return f" The first {MOST_ROWS} of {most} states are drawn." if most > MOST_ROWS else ""
 
 
 def _headline(run: GenericRun) -> Headline:
@@ -54,9 +67,16 @@ def _pictures(run: GenericRun) -> list[Markup]:
 
 
 def _figures(run: GenericRun) -> list[Drawn]:
-    drawn: list[Drawn] = [("states", states_figure(run), "The states over time, truth and estimate.")]
+    estimated = len(run.vehicles) == 1 and estimates(next(iter(run.vehicles.values()))) is not None
+    caption = "The states over time, truth and estimate." if estimated else "The states over time."
+    drawn: list[Drawn] = [("states", states_figure(run), f"{caption}{_left_out(run)}")]
     if (inputs := inputs_figure(run)) is not None:
         drawn.append(("inputs", inputs, "The commands to the actuators, in their order in the model."))
+    whose = f", of {next(iter(run.vehicles))}" if len(run.vehicles) > 1 else ""
+    if (others := estimates_figure(run)) is not None:
+        drawn.append(("estimates", others, f"The estimate, which is not of the whole state, over time{whose}."))
+    if (readings := readings_figure(run)) is not None:
+        drawn.append(("readings", readings, f"The readings of each sensor, a line for each number{whose}."))
     if (errors := errors_figure(run)) is not None:
         drawn.append(("errors", errors, "Estimate less truth, state by state."))
     for log in list(run.vehicles.values())[:1]:

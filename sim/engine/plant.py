@@ -31,6 +31,7 @@ from mathnavi.interfaces.joint_states import (
 from mathnavi.interfaces.protocols import ActuatorModel, Sensor
 from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.contact_free import ContactFree
+from mathnavi.sim.engine.contact_messages import thing_named, touching
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.engine.mujoco_sensors import OwnSensors
@@ -50,7 +51,8 @@ class VehicleSetup:
     input_max: float | Array = math.inf  # on the Euclidean norm of the input, or (nu,) on the magnitude of each one
     delay: float = 0.0  # [s] from a command to its effect on the actuators
     drive: ActuatorModel | None = None  # None: the input is that of the actuators
-    ignored_contacts: tuple[str, ...] = ()  # geoms that it touches in normal operation, which is not an event
+    # geoms of others that it touches in normal operation, which is not an event: the floor of what stands or rolls
+    ignored_contacts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -277,6 +279,7 @@ class MujocoPlant:
         input acts that number of ticks later; until the first one arrives there is none.
         """
         events: list[Event] = []
+        self._sensors.begin_step()
         for vehicle in self._each:
             command = commands.get(vehicle.name)
             control = np.zeros_like(vehicle.control) if command is None else self._bounded(vehicle, command, events)
@@ -292,6 +295,7 @@ class MujocoPlant:
             self._pass(ticks, between, events)
         self._sensors.passed()
         self.data.time = self._ticks * self.dt
+        self._sensors.end_step()
         for vehicle in self._each:
             if vehicle.disturbed:
                 vehicle.wrench[:] = 0.0
@@ -382,7 +386,7 @@ class MujocoPlant:
 
     def _touch(self, events: list[Event]) -> None:
         """Return the contacts that began with this tick."""
-        touching: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
+        touched: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
         for contact in self.data.contact:
             pair = int(contact.geom1), int(contact.geom2)
             for own, other in (pair, pair[::-1]):
@@ -390,22 +394,21 @@ class MujocoPlant:
                 if owner is None or owner is stranger or self.model.geom(other).name in owner.ignored_contacts:
                     continue
                 if stranger is not None:
-                    touching[owner.name][stranger.name] = "vehicle-contact"
+                    touched[owner.name][stranger.name] = "vehicle-contact"
                 else:
                     ground = int(self.model.geom_type[other]) in _GROUND
-                    thing = self.model.geom(other).name or f"geom {other}"
-                    touching[owner.name][thing] = "ground-contact" if ground else "contact"
+                    thing = thing_named(self.model.geom(other).name, other)
+                    touched[owner.name][thing] = "ground-contact" if ground else "contact"
         for vehicle in self._each:
-            now = touching[vehicle.name]
+            now = touched[vehicle.name]
             for thing in sorted(now.keys() - vehicle.touched):
                 slides = [i for i, _ in vehicle.slides]  # revolute joints do not contribute to its position
                 where = np.round(vehicle.motion.q[slides], 1).tolist()
                 speed = float(np.linalg.norm(vehicle.motion.v[vehicle.slide_rates]))
-                message = f"touches {thing}{f' at {where} with {speed:.1f} m/s' if slides else ''}"
-                events.append(Event(self.t, vehicle.name, now[thing], message))
+                events.append(Event(self.t, vehicle.name, now[thing], touching(thing, where, speed)))
                 vehicle.contacts += 1
             vehicle.touched = frozenset(now)
-        self._touching = any(touching.values())
+        self._touching = any(touched.values())
 
 
 def _expected_contacts(model: mujoco.MjModel, vehicles: Iterable[_Vehicle]) -> NDArray[np.bool_] | None:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from mathnavi.interfaces.signals import OPTIMISED, Event, Plan
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
@@ -34,7 +35,9 @@ def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]])
         chosen = plan.phase == OPTIMISED if (plan.phase == OPTIMISED).any() else np.ones(len(plan.phase), dtype=bool)
         first, last = max(begin, adopted), min(end, following)
         flown += float(np.diff(np.clip(plan.t, first, max(first, last)))[chosen].sum())
-    return min(1.0, flown / (end - begin)) if end > begin else 0.0
+    if not end > begin:
+        return 0.0
+    return flown / (end - begin) if flown < end - begin - TIME_TOLERANCE else 1.0  # which rounding has kept it from
 
 
 def planner_status(recording: Recording) -> str:

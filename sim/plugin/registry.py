@@ -252,7 +252,8 @@ def _at(kind: str, place: str) -> Any:
         ) from None
     if not hasattr(module, attribute):
         found = getattr(module, "__file__", None) or name
-        own = [each for each, value in vars(module).items() if isinstance(value, type) and value.__module__ == name]
+        classes = {each: value for each, value in vars(module).items() if isinstance(value, type)}
+        own = [each for each, value in classes.items() if f"{value.__module__}.".startswith(f"{name}.")]
         built = [each for each in own if hasattr(getattr(module, each), "build")]
         allowed = allowed_for(attribute, built) if built else f"allowed: {_PLACE}"
         wrong = f"{found} has no {attribute}" if attribute else "it names no class"
@@ -269,7 +270,7 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
     if wanted := _unfit(spec.plugin, mission):
         raise PluginError(
             f"{kind}: {called(kind, spec.name)!r} is for a {wanted}, and the mission is a {type(mission).__name__}; "
-            f"allowed: {', '.join([*_fitting(kind, mission), f'or {_PLACE}' if _fitting(kind, mission) else _PLACE])}"
+            f"allowed: {_allowed_for_mission(kind, mission, wanted)}"
         )
     if not _is_own(spec.plugin):
         from mathnavi.interfaces.boundary import lent  # which imports numpy
@@ -294,6 +295,27 @@ def _unfit(plugin: Any, mission: Any) -> str:
 def _fitting(kind: str, mission: Any) -> list[str]:
     """Return the names of the installed plug-ins that fit a mission."""
     return [name for name, plugin in loadable(kind).items() if not _unfit(plugin, mission)]
+
+
+def _allowed_for_mission(kind: str, mission: Any, wanted: str) -> str:
+    """Return the plug-ins of a kind that fit a mission; where none does, what would make one fit."""
+    if fitting := _fitting(kind, mission):
+        return f"{', '.join(fitting)}, or {_PLACE}"
+    own = type(mission).__name__
+    lacking = {name: _lacking(plugin, mission) for name, plugin in loadable(kind).items()}
+    nearest = min((name for name in lacking if lacking[name]), key=lambda name: len(lacking[name]), default=None)
+    extended = f", or {nearest} if {own} had {', '.join(lacking[nearest])}" if nearest is not None else ""
+    return f"a {wanted} as the mission, or {_PLACE} of one for a {own}, which fits none that is installed{extended}"
+
+
+def _lacking(plugin: Any, mission: Any) -> list[str]:
+    """Return what a mission lacks of the protocol that a plug-in needs; nothing for one that needs a class."""
+    with suppress(NameError, TypeError):
+        kind = get_type_hints(plugin.build).get("mission")
+        if isinstance(kind, type) and getattr(kind, "_is_protocol", False):
+            members = {name for base in kind.__mro__ for name in vars(base) if getattr(base, "_is_protocol", False)}
+            return sorted(name for name in members if not name.startswith("_") and not hasattr(mission, name))
+    return []
 
 
 def _check_made(subject: str, built: Any, method: str) -> None:

@@ -62,6 +62,7 @@ LABELS = {
     "speed_max": ("highest |v|", "in the metric"),
     "attitude_rms_rad": ("angle to reference, rms", "rad"),
     "settled_at_s": ("on the reference after", "s"),
+    "straight_line_m": ("straight line to target", "m"),
     "planner_share": ("share flown as planned", ""),
     "tracking_bound_share": ("share of bound used", ""),
     "deadline_left_s": ("deadline left", "s"),

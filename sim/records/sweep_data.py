@@ -26,6 +26,7 @@ from mathnavi.sim.records.store import Record
 MOST_LISTED = 12  # values of a numeric field that still make groups
 MOST_BINS, LEAST_IN_BIN = 8, 10  # bins of a continuous field, and trials in each of several
 SMALL = 1e-3  # numbers below it have a power of ten
+ROUNDING = 1e-10  # of the largest number, by which numbers that are computed to be the same may differ
 CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
 PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_straight_line"
 # The most important first; the rest of a summary follows in its own order.
@@ -216,16 +217,20 @@ def format_value(value: object) -> str:
 
 
 def format_numbers(*values: float) -> list[str]:
-    """Format numbers of one kind: four digits of the largest and enough to distinguish them; whole ones unchanged."""
+    """Format numbers of one kind: four digits of the largest and enough to distinguish them; whole ones unchanged.
+
+    Those that differ by no more than rounding, 1e-10 of the largest, are not distinguished.
+    """
     finite = [value for value in values if math.isfinite(value)]
     largest = max(map(abs, finite), default=0.0)
     if 0.0 < largest < SMALL:
         return [f"{value:.3g}" for value in values]
     spread = max(finite, default=0.0) - min(finite, default=0.0)
     digits = [3 - math.floor(math.log10(largest))] if largest else [0]
-    digits += [1 - math.floor(math.log10(spread))] if spread else []
+    digits += [1 - math.floor(math.log10(spread))] if spread > ROUNDING * largest else []
     decimals = max(0, *digits)
-    return [f"{value:,.0f}" if float(value).is_integer() else f"{value:,.{decimals}f}" for value in values]
+    whole = [math.isfinite(value) and abs(value - round(value)) <= ROUNDING * largest for value in values]
+    return [f"{value:,.{0 if alone else decimals}f}" for value, alone in zip(values, whole, strict=True)]
 
 
 def is_number(value: object) -> TypeGuard[float]:

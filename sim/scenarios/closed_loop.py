@@ -18,6 +18,7 @@ from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.answer_times import COMPONENTS, Latency
 from mathnavi.sim.engine.compilation import compilation_timed
+from mathnavi.sim.engine.contact_messages import declaration_at_start
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate
 from mathnavi.sim.engine.network import Network
@@ -158,6 +159,8 @@ class ClosedLoop:
         summary, success = self.summarise(recording, wall_seconds)
         asked = {name: agent.sensors for name, agent in self.agents.items()}
         summary = {**summary, **unused_figures(recording, asked)}
+        if not success and (declared := declaration_at_start(recording.events, float(recording.t[-1]))):
+            summary = {**summary, SHORTFALL: "; ".join(filter(None, [summary.get(SHORTFALL), declared]))}
         if lost := next((event for event in recording.events if event.kind == DIVERGED), None):
             summary, success = {**summary, SHORTFALL: f"at {lost.t:.6g} s {lost.message}"}, False
         if status := planner_status(recording):

@@ -163,13 +163,17 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 @pytest.mark.parametrize(
     ("argv", "expected"),
     [
-        ("fly", ["COMMAND", "fly", "list, run, sweep, search, store, study, estimate, render, view, compare, terrain"]),
+        ("fly", ["COMMAND", "fly", "list, run, sweep, search, store, study, estimate, render, report, view, compare"]),
         ("run", ["SCENARIO", "safe-flight"]),
         ("run hover", ["SCENARIO", "hover", "safe-flight"]),
         ("list planets", ["planets", "controllers", "terrains"]),
         ("render", ["DIR", "missing"]),
         ("render former", ["former", "config.json", "not JSON"]),
         ("render former --stil", ["--stil", "--still"]),
+        ("report", ["DIR", "missing"]),
+        ("report former", ["former", "config.json", "not JSON"]),
+        ("report nowhere", ["nowhere", "does not exist"]),
+        ("report former --out page.pdf", ["--out = page.pdf", ".html"]),
         ("terrain", ["import, show"]),
         ("terrain show atlantis", ["atlantis", "tian_shan"]),
         ("terrain show map.npz", ["map.npz", "not a readable .npz"]),

@@ -52,6 +52,7 @@ def test_it_is_recorded_and_what_changed_is_said_with_both_digests(
         ["run", "--from", str(run), "--out", "again"],
         ["estimate", "riemannian_observer", str(run), "--out", "estimated"],
         ["render", str(run), "--still"],
+        ["report", str(run), "--out", "page.html"],
     ):
         assert main(words) == 2
         said = capsys.readouterr().err

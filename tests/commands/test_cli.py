@@ -234,6 +234,21 @@ def test_render_draws_a_still(flown: Path, capsys: pytest.CaptureFixture[str]) -
     path.unlink()
 
 
+def test_a_report_is_written_at_any_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The page of a run without one is that of `run --report`, wherever it is written to."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "textbook-observer", "--duration", "1", "--out", "run", "--report"]) in (0, 1)
+    at_once = Path("run/report.html").read_bytes()
+    Path("run/report.html").unlink()
+    capsys.readouterr()
+    for words, path in (([], "run/report.html"), (["--out", "pages/page.htm"], "pages/page.htm")):
+        assert main(["report", "run", *words]) == 0
+        assert capsys.readouterr().out == f"{path}\n"
+        assert Path(path).read_bytes() == at_once
+
+
 def test_a_camera_that_a_run_is_not_drawn_by_is_refused(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for still in ([], ["--still"]):
         assert main(["render", str(flown), "--camera", "front", *still]) == 2
@@ -255,7 +270,9 @@ def test_list_shows_what_is_installed(capsys: pytest.CaptureFixture[str], monkey
     assert "tian_shan" not in shown
 
 
-@pytest.mark.parametrize("command", ["", "list", "run", "run safe-flight", "render", "terrain", "terrain import"])
+@pytest.mark.parametrize(
+    "command", ["", "list", "run", "run safe-flight", "render", "report", "terrain", "terrain import"]
+)
 def test_help_explains_every_command(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*command.split(), "--help"]) == 0
     out, err = capsys.readouterr()

@@ -80,6 +80,7 @@ def test_commands_plugins_flags_and_values_are_completed() -> None:
     assert "--planner.nodes" in candidates(["run", "safe-flight", "--planner."])
     chosen = ["run", "safe-flight", "--controller", "as_printed", "--planner."]
     assert set(candidates(chosen)) == set(flags(load("controllers", "as_printed").Config, "planner"))
+    assert candidates(["new", "s"]) == ["scenario"]
     assert candidates(["run", "safe-flight", "--out", ""]) == []  # a folder is for the shell to complete
 
 

@@ -80,7 +80,7 @@ def test_what_ends_in_time_has_its_own_exit_code(module: str, capfd: pytest.Capt
     assert (said.out, said.err) == ("the words were a b $x\n", "")
 
 
-@pytest.mark.parametrize("command", [["run", "safe-flight"], ["estimate", "kalman", "there"], ["render", "there"]])
+@pytest.mark.parametrize("command", [["run", "safe-flight"], ["render", "there"], ["report", "there"]])
 @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "soon", ""])
 def test_a_time_that_is_none_is_refused(
     command: list[str], value: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -93,7 +93,9 @@ def test_a_time_that_is_none_is_refused(
 def test_the_commands_run_in_a_process_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
     watched: list[tuple[str, list[str], float]] = []
     monkeypatch.setattr(deadline, "watch", lambda *arguments: watched.append(arguments) or 7)
-    for command in (["run", "safe-flight", "--seed", "3"], ["estimate", "kalman", "there"], ["render", "there"]):
+    for command in (
+        ["run", "safe-flight", "--seed", "3"], ["estimate", "kalman", "there"], ["render", "there"], ["report", "there"]
+    ):  # fmt: skip
         for flag in (["--wall-deadline", "5"], ["--wall_deadline=5"]):
             assert main([*command, *flag]) == 7
             assert watched.pop() == ("mathnavi.commands.cli:main", command, 5.0)

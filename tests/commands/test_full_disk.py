@@ -117,6 +117,7 @@ def test_a_video_and_a_still_are_named(failed: Outcome, results: Path) -> None:
     Path("run/video.mp4").write_text("an earlier video")
     assert "run/video.mp4: File too large" in failed(2, "render", "run", size=4096)
     assert "run/board.png: File too large" in failed(2, "render", "run", "--still", "--camera", "board", size=4096)
+    assert "run/report.html: File too large" in failed(2, "report", "run", size=4096)
 
 
 def test_a_run_whose_pictures_find_no_room_is_kept(
@@ -151,6 +152,7 @@ def test_standard_output_that_cannot_be_written_is_named() -> None:
         ((*RUN, "--out"), ""),
         (("estimate", "textbook_ekf", "{0}/run", "--out"), ""),
         ((*STUDY, "--out"), ""),
+        (("report", "{0}/run", "--out"), ".html"),
         (("compare", "{0}/run", "{0}/run", "--out"), ".html"),
         (("store", "export", "{0}/store.db", "--out"), ".csv"),
         (("terrain", "show", "canyon:1", "--out"), ".png"),
@@ -173,12 +175,13 @@ def test_a_folder_that_is_in_use_is_refused(tmp_path: Path, capsys: pytest.Captu
     with claimed(tmp_path / "run"):
         assert main([*RUN, "--out", str(tmp_path / "run")]) == 2
         assert main(["render", str(tmp_path / "run")]) == 2
+        assert main(["report", str(tmp_path / "run")]) == 2
     name = tmp_path / "tests.studies.test_study_command.Anywhere.json"
     with locked(name, name):
         assert main([*STUDY, "--out", str(tmp_path)]) == 2
     lines = capsys.readouterr().err.splitlines()
-    named = (tmp_path / "run", tmp_path / "run", name)
-    assert [f"{path} is in use" in line for path, line in zip(named, lines, strict=True)] == [True] * 3
+    named = (*[tmp_path / "run"] * 3, name)
+    assert [f"{path} is in use" in line for path, line in zip(named, lines, strict=True)] == [True] * 4
 
 
 def test_a_run_that_was_killed_is_no_bar(tmp_path: Path) -> None:

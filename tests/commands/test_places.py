@@ -138,6 +138,7 @@ def test_the_camera_of_a_drawing_is_the_name_of_a_file(camera: str) -> None:
     [
         ["run", "textbook-observer", "--duration", "0.1", "--out", "loop"],
         ["render", "loop"],
+        ["report", "loop"],
         ["sweep", "textbook-observer", "--trials", "1", "--store", "loop"],
         ["terrain", "show", "plain", "--out", "loop/map.png"],
     ],

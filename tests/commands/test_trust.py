@@ -140,8 +140,8 @@ def test_no_picture_imports_what_a_folder_names(
     forged: Forge, mark: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     old = forged(drawing=f"evil_{tmp_path.name}")
-    for flags in (["--still"], ["--clip"], []):
-        assert main(["render", "old", *flags]) == 2
+    for command in (["render", "--still"], ["render", "--clip"], ["render"], ["report"]):
+        assert main([*command, "old"]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert "not installed" in line
     run = mn.load(old)
@@ -310,5 +310,6 @@ def test_a_trusted_drawing_is_found_in_the_current_folder(forged: Forge, tmp_pat
     (tmp_path / "here" / f"{module}.py").write_text("from mathnavi.renders.ranging.drawing import drawing\n")
     old = forged(drawing=module)
     sys.path[:] = [entry for entry in sys.path if entry != str(tmp_path / "here")]  # as for an installed command
-    assert main(["render", str(old), "--still"]) == 2
-    assert main(["render", str(old), "--still", "--trust"]) == 0
+    for command in (["render", "--still"], ["report"]):
+        assert main([*command, str(old)]) == 2
+        assert main([*command, str(old), "--trust"]) == 0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import socket
+import struct
+import threading
 from collections.abc import Iterator
 from http.client import HTTPConnection
 from pathlib import Path
@@ -64,6 +66,36 @@ def test_at_another_address_every_request_needs_the_token() -> None:
             assert ask(server, path, None, body)[0] == 403
             assert ask(server, f"{path}?token=x", None, body)[0] == 403
             assert ask(server, f"{path}?token={server.token}", None, body)[0] == 200
+
+
+@pytest.mark.parametrize("fault", [None, KeyError("a defect")])
+def test_a_browser_that_leaves_before_its_answer_is_no_error(
+    fault: Exception | None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    begun, left = threading.Event(), threading.Event()
+
+    def page() -> str:
+        begun.set()
+        assert left.wait(30.0)
+        if fault is not None:
+            raise fault
+        return "x" * 10_000_000  # more than a socket holds
+
+    server = PageServer("127.0.0.1", 0, page, {"/state": dict})
+    with server.serving():
+        browser = socket.create_connection(("127.0.0.1", server.server_address[1]))
+        browser.sendall(f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.server_address[1]}\r\n\r\n".encode())
+        assert begun.wait(30.0)
+        browser.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # closed by a reset
+        browser.close()
+        left.set()
+        answering = [each for each in threading.enumerate() if "process_request_thread" in each.name]
+        for each in answering:
+            each.join(30.0)
+        assert ask(server, "/state") == (200, "{}")
+    said = capfd.readouterr().err
+    assert ("Traceback" in said) is (fault is not None)
+    assert said == "" or "a defect" in said
 
 
 def test_the_page_is_saved(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,8 @@ The blocks of a page are run in order, in one folder that is empty at first:
 A command that ends in a backslash goes on in the next line. Every one ends with exit status 0; after a first line
 "# exit N" the last of its block ends with N. Of what is printed, a line "..." stands for any lines and "..." within a
 line for any characters; how many blanks stand between words does not count. A "mathnavi" without anything for a shell
-to do runs in this process, which has imported it already; all else in bash. Trials run in this process too.
+to do runs in this process, which has imported it already; all else in bash. Trials run in this process too. After
+"cd FOLDER" the page goes on in that folder.
 
 README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which checks its results.
 """
@@ -155,6 +156,9 @@ def commands_of(text: str) -> Iterator[tuple[str, list[str]]]:
 
 def run(command: str) -> tuple[int, str]:
     """Exit status, and what is printed on standard output and standard error."""
+    if command.startswith("cd ") and not set(command) & set("|&;<>$`*?~"):
+        os.chdir(command.removeprefix("cd "))  # for the blocks that follow, too
+        return 0, ""
     if command.startswith("mathnavi ") and not set(command) & set("|&;<>$`*?~"):
         out = io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):

@@ -69,3 +69,33 @@ def test_every_link_of_a_page_leads_to_a_file() -> None:
 def test_a_link_in_code_is_none_and_one_to_elsewhere_is_not_followed() -> None:
     page = '[a](b.md#c) `[d](e)` [f](https://g.org) ![h](i.png)\n```\n[j](k)\n```\n<img src="l.png"> [m](#n)\n'
     assert list(links(page)) == ["b.md", "i.png", "l.png"]
+
+
+TRANSLATED = re.compile(
+    r"\b(anew|likewise|nought|whoever|thereof|whence|of one's own|so many|so much|the one door|it goes on\."
+    r"|none of its business|go wrong besides|did what it should)\b|(?<![\w.\]\[/*\\:$}{])\.\d",
+    re.IGNORECASE,
+)
+"""words that no page needs, and a decimal without its zero"""
+
+
+def odd(text: str) -> list[str]:
+    """What reads as translated in the prose of a page, which is all but code, mathematics and links."""
+    prose = re.sub(r"\$\$.*?\$\$|\$[^$\n]+\$|\]\([^)]*\)", "", CODE.sub("", text), flags=re.DOTALL)
+    return [prose[max(0, found.start() - 40) : found.end() + 40] for found in TRANSLATED.finditer(prose)]
+
+
+def test_pages_are_plain_english() -> None:
+    pages = {*PAGES, *(ROOT / name for name in (*OTHERS, "CONTRIBUTING.md"))}
+    pages -= {DOCS / "CLAIMS.md", ROOT / "CHANGELOG.md"}  # the thesis' words, and what was
+    found = {page.name: each for page in sorted(pages) if (each := odd(page.read_text(encoding="utf-8")))}
+    assert not found
+    assert len(odd("It is made anew in .5 s; `anew`, [a](b.5) and $.5$ are none of its business.\n")) == 3
+
+
+def test_the_page_of_the_browser_shows_the_runs_that_it_embeds() -> None:
+    scenes = runpy.run_path(str(DOCS / "_ext" / "scenes.py"))["SCENES"]
+    page = (DOCS / "how-to" / "browser.md").read_text(encoding="utf-8")
+    for name, words in scenes.items():
+        assert f"scenes/{name}.html" in page
+        assert f"mathnavi run {' '.join(words)}\n" in page

@@ -99,7 +99,13 @@ def test_too_few_trials_have_a_median_without_a_band() -> None:
         assert math.isnan(band.low) is not known
 
 
-@given(st.lists(st.floats(-1e7, 1e7).map(lambda value: round(value, 6)), min_size=2, max_size=3))
+def test_numbers_that_are_computed_to_be_the_same_are_shown_the_same() -> None:
+    assert format_numbers(0.9999999999999978, 0.9999999999999978, 1.0) == ["1", "1", "1"]
+    assert format_numbers(0.1 + 0.2, 0.3) == ["0.3000", "0.3000"]
+    assert format_numbers(0.999999, 1.0) == ["0.9999990", "1"]
+
+
+@given(st.lists(st.floats(-1e7, 1e7).map(lambda value: round(value, 2)), min_size=2, max_size=3))
 def test_numbers_have_digits_enough_to_tell_them_apart(values: list[float]) -> None:
     shown = format_numbers(*values)
     assert (shown[values.index(max(values))] != shown[values.index(min(values))]) == (max(values) > min(values))

@@ -110,6 +110,10 @@ def _first(command: str) -> Sequence[str]:
         from mathnavi.commands import listing
 
         return listing.KINDS
+    if command == "new":
+        from mathnavi.commands import new
+
+        return list(new.POINTS)
     return [own.partition(" ")[2] for own in OPTIONS if own.startswith(f"{command} ")]
 
 

@@ -12,6 +12,7 @@ import ipaddress
 import json
 import secrets
 import socket
+import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -60,6 +61,11 @@ class PageServer(ThreadingHTTPServer):
                 f"--host = {host}, --port = {port}: {reason}; allowed: an address of this machine, and a port that is "
                 "free, or 0 for any"
             ) from error
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Print nothing about a browser that has gone, or whose connection has broken, before its answer was sent."""
+        if not isinstance(sys.exception(), (ConnectionError, TimeoutError)):
+            super().handle_error(request, client_address)
 
     @property
     def url(self) -> str:

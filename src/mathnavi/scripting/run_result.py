@@ -77,11 +77,10 @@ class RunResult(closed_loop.RunData):
         Raises ValueError for another ending.
         """
         checked_ending(path, PAGES)
-        from mathnavi.renders.drawing import drawing_of
+        from mathnavi.renders.report import report_page
 
         with self._in_folder() as folder:
-            drawing = drawing_of(folder)
-            text = str(drawing.page(drawing.load_run(folder)))
+            text = str(report_page(folder))
         if self.folder is None:  # the command that flies the run again names the folder it will be saved in
             text = text.replace(str(folder), "FOLDER")
         write_text(Path(path), text)

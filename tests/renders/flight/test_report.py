@@ -90,6 +90,25 @@ def test_with_drawing_switched_off_the_report_of_a_vehicle_that_did_not_arrive_s
     assert shown["path length"] == "76,211 m"
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"straight_line_m": 1e6, "arrived": True}, True),
+        ({"straight_line_m": 1e6, "arrived": False}, False),
+        ({"straight_line_m": 1.0, "arrived": True}, False),
+    ],
+)
+def test_a_path_that_is_shorter_than_the_straight_line_is_explained(
+    changes: dict[str, object], said: bool, run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    copy = shutil.copytree(run_dir, tmp_path / "run")
+    summary = json.loads((copy / "summary.json").read_text()) | changes
+    (copy / "summary.json").write_text(json.dumps(summary))
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert ("which counts as arrival, so its path is shorter than the straight line to the target" in text) is said
+
+
 def test_a_report_is_written_where_the_process_that_draws_ends(run_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def ended(*_: object, **__: object) -> Path:
         raise DrawingFailedError("the process that draws ended: no glGetError")

@@ -51,6 +51,14 @@ def test_the_share_is_that_of_what_the_planner_chose(plans: list[tuple[float, Pl
     assert planner_share(0.0, 20.0, plans) == pytest.approx(share)
 
 
+def test_a_run_that_is_flown_as_planned_throughout_has_the_share_of_one() -> None:
+    """However the planning periods add up."""
+    times = 0.1 + 0.7 * np.arange(200)
+    plans = [(t, plan(t, (5.0, CHOSEN))) for t in times]
+    assert planner_share(float(times[0]), float(times[-1] + 0.3), plans) == 1.0
+    assert planner_share(float(times[0]) - 1e-6, float(times[-1]), plans) < 1.0
+
+
 def test_a_run_without_duration_has_no_share() -> None:
     assert planner_share(3.0, 3.0, [(3.0, dataclasses.replace(FIRST, t=FIRST.t + 3.0))]) == 0.0
 

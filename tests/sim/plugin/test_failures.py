@@ -7,10 +7,14 @@ from collections.abc import Callable
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain import library
+from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
 
 RAISED = {
     "exit": "raise SystemExit(0)",
@@ -195,3 +199,17 @@ def test_a_place_without_a_plugin_says_what_is_there(
     for place, expected in said.items():
         assert main(["run", "textbook-observer", "--controller", place]) == 2
         assert expected in capsys.readouterr().err
+
+
+def test_a_mission_that_no_plug_in_fits_is_told_what_would_make_one_fit() -> None:
+    class Voyage:
+        control_period, start_state = 0.1, np.zeros(3)
+
+    spec = PluginSpec.with_fields(load("estimators", "range_ekf"))
+    with pytest.raises(PluginError) as refused:
+        checked_estimator(spec, Voyage())
+    said = str(refused.value)
+    assert "'range_ekf' is for a RangingMission, and the mission is a Voyage; allowed: a RangingMission" in said
+    assert "or full_state if Voyage had flow, full_state_covariance, full_state_quality, full_state_sensor" in said
+    with pytest.raises(PluginError, match=r"allowed: full_state, kalman, moving_horizon, or package\.module:Class"):
+        checked_estimator(spec, FlightMission(library.load_terrain("plain"), (9e3, 9e3, 500.0), (2e4, 2e4, 500.0)))

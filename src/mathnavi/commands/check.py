@@ -1,0 +1,76 @@
+"""``mathnavi check``: what fits of an MJCF file or of a plug-in, and what is missing, before a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from mathnavi.commands.arguments import FlagGroup, parse
+from mathnavi.commands.check_findings import CheckResult
+from mathnavi.commands.command_line import prepare
+from mathnavi.commands.errors import bad_input
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.field_table import Positional
+from mathnavi.sim.plugin.registry import names
+
+DESCRIPTION = (
+    "Check an MJCF file, or a scenario, controller or estimator, before a run: what fits, and what is missing, with "
+    "the line to write. Exit code 0: nothing is missing; 1: something is."
+)
+
+
+PLUGINS = ("scenarios", "controllers", "estimators", "consensus")
+
+
+@configuration
+class CheckOptions:
+    """Words of the command: what is checked."""
+
+    subject: Annotated[str, Positional("MODEL.xml|MODULE:Class")]
+    """path of an MJCF file, dm_control:NAME or menagerie:NAME; or a plug-in: its name, MODULE:Class or FILE.py:Class"""
+
+
+def main(argv: Sequence[str]) -> int:
+    (options,) = parse(argv, "mathnavi check", DESCRIPTION, FlagGroup(CheckOptions))
+    prepare()
+    with bad_input():
+        result = _checked(options.subject)
+    _print(result)
+    return 0 if result.fits else 1
+
+
+def _checked(subject: str) -> CheckResult:
+    module, colon, _ = subject.partition(":")
+    installed = any(subject in names(kind) for kind in PLUGINS)
+    if installed or (colon and module not in ("dm_control", "menagerie") and not Path(subject).is_file()):
+        from mathnavi.commands.check_plugin import check_plugin
+
+        return check_plugin(subject)
+    from mathnavi.commands.check_model import check_model
+
+    return check_model(subject)
+
+
+def _print(result: CheckResult) -> None:
+    console = Console(markup=False, highlight=False)
+    stopping = [finding for finding in result.findings if finding.stops]
+    verdict = "nothing is missing" if result.fits else f"{len(stopping)} missing"
+    console.print(f"{result.subject}: {verdict}", style="bold")
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="dim")
+    table.add_column(overflow="fold")
+    for heading, text in result.facts:
+        table.add_row(heading, Text(text))
+    for finding in (*stopping, *(each for each in result.findings if not each.stops)):
+        word, colour = ("missing", "bold red") if finding.stops else ("note", "yellow")
+        table.add_row(Text(word, colour), Text(finding.what))
+        if finding.write:
+            table.add_row("write", Text(finding.write, "bold"))
+    console.print(table)
+    if result.command:
+        console.print(f"run     {result.command}", soft_wrap=True)

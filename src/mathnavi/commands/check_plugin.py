@@ -1,0 +1,236 @@
+"""Check of a scenario, a controller or an estimator: what a run would ask of it, and for a scenario its first moments.
+
+A scenario is built with its default fields and seed 0, and flown for half a second. What its plug-ins answer in that
+time, what its vehicles touch and whether its referee ends it are looked at; nothing is written.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from importlib.metadata import EntryPoint
+from typing import Any, get_type_hints
+
+from mathnavi.commands.check_findings import CheckResult, split_joined
+from mathnavi.commands.errors import BadInputError, bad_plugin
+from mathnavi.interfaces.errors import PluginError
+from mathnavi.interfaces.field_table import leaves_of
+from mathnavi.interfaces.signals import Event
+from mathnavi.sim.engine.contact_messages import KINDS, declaration, thing_touched
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.plugin.groups import PREFIXES
+from mathnavi.sim.plugin.registry import NEEDED, check_class, load, loadable, names
+from mathnavi.sim.records.run_spec import RunSpec
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+
+SECONDS = 0.5  # for which a scenario is flown
+WORDS = {"scenarios": "scenario", "controllers": "controller", "estimators": "estimator", "consensus": "consensus"}
+_ROUTINE = (*KINDS, "vehicle-contact", "input-clipped")  # events that no plug-in causes by its answer
+
+
+def check_plugin(place: str) -> CheckResult:
+    """Check the class at "module:Class" or "FILE.py:Class", or an installed plug-in of that name.
+
+    Raises BadInputError if it cannot be imported.
+    """
+    place = _as_module(place)
+    result = CheckResult(place)
+    kind, plugin = _loaded(place, result)
+    if plugin is None:
+        return result
+    leaves = [leaf.flag for leaf in leaves_of(plugin.Config, PREFIXES.get(kind, ""))]
+    result.fact(WORDS[kind], [(plugin.__doc__ or "without a docstring").strip().partition("\n")[0]])
+    result.fact("fields", [split_joined(leaves) or "none"])
+    if kind == "scenarios":
+        _check_scenario(place, plugin, result)
+    else:
+        _check_part(kind, plugin, result)
+    return result
+
+
+def _as_module(place: str) -> str:
+    """Return "folder/file.py:Class" as the module is imported from the current folder."""
+    path, colon, name = place.rpartition(":")
+    if not path.endswith(".py"):
+        return place
+    if not os.path.isfile(path):
+        raise BadInputError(f"{place}: there is no file {path}; allowed: module:Class, or the path of its file")
+    relative = os.path.relpath(path)
+    if relative.startswith(os.pardir):
+        raise BadInputError(f"{place}: allowed: a file in the current folder, or below it; cd to where it is")
+    return relative.removesuffix(".py").replace(os.sep, ".") + colon + name
+
+
+def _loaded(place: str, result: CheckResult) -> tuple[str, Any]:
+    """Return the kind of a plug-in and its class; None with a finding for a class that is none.
+
+    Raises BadInputError if it cannot be imported.
+    """
+    named = [kind for kind in WORDS if place in names(kind)]
+    try:
+        plugin = load(named[0], place) if named else EntryPoint(place, place, "").load()
+    except Exception:
+        with bad_plugin():
+            load("scenarios", place)  # whose message says what is wrong
+        raise
+    kind = named[0] if named else _kind_of(plugin)
+    try:
+        check_class(kind, plugin, place)
+    except PluginError as error:
+        what, _, allowed = str(error).partition(": ")[2].partition("; allowed: ")
+        needed = f"Config, a frozen dataclass whose fields have defaults, {' and '.join(NEEDED[kind])}"
+        result.missing(f"as {_article(WORDS[kind])}: {what}", f"what is allowed: {allowed or needed}")
+        return kind, None
+    return kind, plugin
+
+
+def _kind_of(plugin: Any) -> str:
+    """Return the kind of plug-in that a class is meant to be, by what it has."""
+    marks: dict[str, tuple[str, ...]] = {
+        "scenarios": ("controller", "estimator"), "estimators": ("sensors", "quality"), "consensus": ("within_starts",)
+    }  # fmt: skip
+    return next((kind for kind, own in marks.items() if any(hasattr(plugin, each) for each in own)), "controllers")
+
+
+def _article(word: str) -> str:
+    return f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
+
+
+def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
+    """Check a controller, an estimator or a consensus: the mission that it is for, the scenarios with such a one."""
+    mission = _mission_of(plugin)
+    if mission is None:
+        result.note(
+            "build() does not say which mission it is for: with another one it fails where it first misses something",
+            "def build(config: Config, mission: FlightMission)",
+        )
+        return
+    name = getattr(mission, "__name__", str(mission))
+    part = WORDS[kind]
+    fitting = [
+        scenario
+        for scenario, its in loadable("scenarios").items()
+        if kind in ("controllers", "estimators") and _same_mission(kind, getattr(its, part), mission)
+    ]
+    result.fact("built for", [f"a {name}"])
+    if fitting:
+        result.fact("scenarios", [split_joined(fitting)])
+        result.command = f"mathnavi run {fitting[0]} --{part} {result.subject}"
+
+
+def _same_mission(kind: str, default: str, mission: Any) -> bool:
+    try:
+        its = _mission_of(load(kind, default))
+    except PluginError:
+        return False
+    return its is mission or (isinstance(its, type) and isinstance(mission, type) and _is_subclass(its, mission))
+
+
+def _mission_of(plugin: Any) -> Any:
+    """Return the type of mission that a plug-in says it is for; None if it says none, or one that is not known here."""
+    try:
+        return get_type_hints(plugin.build).get("mission")
+    except (NameError, TypeError):
+        return None
+
+
+def _is_subclass(one: type, other: type) -> bool:
+    try:
+        return issubclass(one, other)
+    except TypeError:  # a protocol with data
+        return False
+
+
+# ---- a scenario
+
+
+def _check_scenario(place: str, scenario: Any, result: CheckResult) -> None:
+    try:
+        spec = RunSpec.of(place, 0)
+        closed_loop: ClosedLoop = spec.build()
+        result.fact("parts", [f"controller {scenario.controller}, estimator {scenario.estimator}"])
+        for name in closed_loop.plant.names:
+            _describe(name, closed_loop, result)
+        with spec.failures("a run"):
+            duration = min(SECONDS, closed_loop.duration)
+            recording = simulate(
+                closed_loop.plant, closed_loop.agents, duration, closed_loop.finished, network=closed_loop.network
+            )
+            closed_loop.summarise(recording, 1.0)
+    except ValueError as error:
+        result.refused(" ".join(str(error).split()))
+        return
+    _check_beginning(recording, duration, result)
+    _check_estimates(scenario, recording, result)
+    if closed_loop.task is None:
+        inputs = f'{{"{closed_loop.plant.names[0]}": Inputs.within(("thrust [N]", ...), limits)}}'
+        result.note("without a task it is no environment for learning", f"closed_loop(..., task=Task({inputs}, cost))")
+    if result.fits:
+        result.command = f"mathnavi run {place}"
+
+
+def _describe(name: str, closed_loop: ClosedLoop, result: CheckResult) -> None:
+    plant = closed_loop.plant
+    states, sizes = plant.state_names(name), plant.sensor_sizes(name)
+    rates = {sensor.name: sensor.rate for sensor in plant.sensors(name)}
+    sensors = [
+        f"{sensor} ({size}) {'at every control step' if rates[sensor] is None else f'at {rates[sensor]:g} Hz'}"
+        for sensor, size in sizes.items()
+    ]
+    result.fact(f"{name}: state", [f"{len(states)}: {split_joined(states)}"])
+    result.fact(f"{name}: sensors", [split_joined(sensors) or "none"])
+    agent = closed_loop.agents.get(name)
+    if agent is None:
+        agents = f'{{"{name}": stack.agent(input_size=...)}}'
+        result.note(f"{name} has no agent: it coasts", f"closed_loop(plant, {agents}, ...)")
+        return
+    task = closed_loop.task
+    inputs = task.inputs[name].names if task is not None and name in task.inputs else ()
+    result.fact(f"{name}: input", [f"{agent.input_size}: {split_joined(inputs) or 'without names: a task names them'}"])
+
+
+def _check_beginning(recording: Recording, duration: float, result: CheckResult) -> None:
+    """Find what ends a run in its first half second, and what its plug-ins answer that cannot be used."""
+    events, t = list(recording.events), float(recording.t[-1])
+    ended = t < duration - 1e-9
+    for vehicle, things in _touched(events):
+        what = f"{vehicle} touches {split_joined(things)} from the start"
+        if ended:
+            result.missing(f"{what}, and the run ends after {t:.3g} s", declaration(things))
+        else:
+            result.note(f"{what}, which is an event", declaration(things))
+    if ended and not _touched(events):
+        result.missing(f"the run ends after {t:.3g} s", "a start at which finished(t, truths) is False")
+    counts = Counter((event.agent, event.kind) for event in events if event.kind not in _ROUTINE)
+    for (agent, kind), number in counts.items():
+        first = next(event for event in events if (event.agent, event.kind) == (agent, kind))
+        times = f"{number} times, first" if number > 1 else "once,"
+        result.note(f"{agent}: {kind}, {times} at {first.t:.3g} s: {first.message}", "")
+
+
+def _touched(events: Sequence[Event]) -> list[tuple[str, list[str]]]:
+    """Return what each vehicle touches, without other vehicles."""
+    found: dict[str, list[str]] = {}
+    for event in events:
+        if event.kind in KINDS and thing_touched(event) not in found.setdefault(event.agent, []):
+            found[event.agent].append(thing_touched(event))
+    return list(found.items())
+
+
+def _check_estimates(scenario: Any, recording: Recording, result: CheckResult) -> None:
+    for name, size in _estimate_sizes(recording):
+        states = recording.truths[name].shape[1]
+        if size != states and not hasattr(scenario, "errors"):
+            result.note(
+                f"an estimate of {name} has {size} numbers, and its state {states}: errors are not known",
+                "@staticmethod\ndef errors(config, x, truth): return {'position [m]': ..., 'heading [rad]': ...}",
+            )
+
+
+def _estimate_sizes(recording: Recording) -> Iterator[tuple[str, int]]:
+    """Length of the estimates of each vehicle that has any."""
+    for name, agent in recording.agents.items():
+        if len(agent.estimates):
+            yield name, len(agent.estimates[0].x)

@@ -1,0 +1,127 @@
+"""``mathnavi new``: what it makes runs at once, passes its own tests, and is what the pages explain."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from mathnavi.commands.cli import main
+from mathnavi.commands.new import POINTS, Kind, class_of, contents, templates
+from tests.docs.test_blocks import blocks_of
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "how-to"
+KINDS = get_args(Kind)
+FIRST_RUNS = {  # what the README says to do first
+    "vehicle": ["check", "my_vehicle.scenario:MyVehicle"],
+    "planner": ["check", "my_planner.planner:MyPlanner"],
+    "observer": ["check", "my_observer.observer:MyObserver"],
+    "scenario": ["check", "my_scenario.scenario:MyScenario"],
+}
+
+
+@pytest.fixture(params=KINDS)
+def made(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[str, Path]]:
+    """A kind, and the folder that is made of it, in which the test works; its modules go with it."""
+    kind = str(request.param)
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", kind, f"my-{kind}"]) == 0
+    folder = tmp_path / f"my-{kind}"
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(folder)])
+    before = set(sys.modules)
+    yield kind, folder
+    for name in set(sys.modules) - before:
+        if str(getattr(sys.modules[name], "__file__", None)).startswith(str(tmp_path)):
+            del sys.modules[name]
+
+
+def test_what_is_made_runs_and_passes_its_own_tests(made: tuple[str, Path]) -> None:
+    kind, folder = made
+    tests = [str(path) for path in (folder / "tests").iterdir()]
+    own = ["-c", "pyproject.toml", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--import-mode=importlib"]
+    assert pytest.main([*own, *tests]) == 0
+    if kind in FIRST_RUNS:
+        assert main(FIRST_RUNS[kind]) == 0
+
+
+def test_each_entry_point_leads_to_what_is_made(made: tuple[str, Path]) -> None:
+    kind, folder = made
+    project = tomllib.loads((folder / "pyproject.toml").read_text())
+    assert project["project"]["name"] == f"my-{kind}"
+    assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == [f"my_{kind}"]
+    groups = project["project"]["entry-points"]
+    assert len(groups) == len(POINTS[kind])
+    for group, points in groups.items():
+        for name, place in points.items():
+            assert name == f"my-{kind}"
+            EntryPoint(name, place, group).load()
+
+
+def test_nothing_is_left_to_replace() -> None:
+    for kind in KINDS:
+        for path, text in contents(kind, "my-robot").items():
+            assert not re.search(r"@\w+@", path + text), path
+        assert any("my_robot" in path for path in contents(kind, "my-robot"))
+    assert class_of("my-robot_2") == "MyRobot2"
+
+
+PAGES = {  # page, its file, the class in it that has the name
+    "planner": ("elevator.py", "UpAcrossDown"),
+    "observer": ("luenberger.py", "Luenberger"),
+    "scenario": ("watch.py", "Watch"),
+}
+
+
+@pytest.mark.parametrize("kind", PAGES)
+def test_the_page_explains_the_code_that_is_made(kind: str) -> None:
+    file, named = PAGES[kind]
+    blocks = blocks_of((DOCS / f"{kind}.md").read_text(encoding="utf-8"))
+    shown = [block.text.partition("\n")[2].strip("\n") for block in blocks if block.file == file]
+    code = templates(kind)[f"@name@/{kind}.py"].replace("@Name@", named)
+    assert code == "\n\n\n".join(shown) + "\n"
+
+
+def test_the_page_of_the_rover_shows_parts_of_what_is_made() -> None:
+    code = contents("vehicle", "rover")
+    page = (DOCS / "rover.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^```(?:py|xml)\n(?:# |<!-- )(\S+?)(?: -->)?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    assert {file for file, _ in shown} == {
+        path for path in code if path.startswith("rover/") and "__init__" not in path
+    }
+    for file, text in shown:
+        for part in text.split("...\n"):
+            assert part.strip("\n") in code[file], f"{file}:\n{part}"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["boat", "mine"], "KIND = boat; allowed: "),
+        (["vehicle", "9x"], "NAME = '9x'; allowed: 2 to 40 lower-case letters"),
+        (["vehicle", "My"], "NAME = 'My'; allowed: "),
+        (["vehicle", "../x"], "NAME = '../x'; allowed: "),
+        (["vehicle", "class"], "NAME = 'class'; allowed: "),
+        (["vehicle", "json"], "a Python module 'json' exists already"),
+        (["planner", "elevator"], "the code has another 'Elevator'"),
+        (["planner", "gatekeeper"], "NAME = 'gatekeeper' is that of installed controllers"),
+        (["terrain", "canyon"], "NAME = 'canyon' is that of installed terrains"),
+        (["terrain", "there"], "NAME = there exists; allowed: a new folder"),
+        (["terrain", "fens", "--out", "there"], "--out = there exists; allowed: a new folder"),
+    ],
+)
+def test_a_name_that_cannot_be_is_refused_in_one_line(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "there").mkdir()
+    assert main(["new", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]

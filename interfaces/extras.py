@@ -1,4 +1,4 @@
-"""Packages that only one command needs, each installed with an extra of pyproject.toml and imported where it is used."""
+"""Packages that only some commands need, each installed with an extra and imported where it is used."""
 
 from __future__ import annotations
 

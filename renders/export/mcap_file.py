@@ -19,14 +19,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mathnavi.interfaces.extras import extra
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Event
 from mathnavi.renders.export.contents import (
     ExportedRun,
     Mesh,
@@ -47,9 +47,14 @@ NAMED = {"protobuf": "protobuf", "json": "jsonschema"}  # encodings of messages,
 Message = tuple[float, bytes]  # time [s] and content
 
 
-def write_mcap(path: Path, run: ExportedRun) -> None:
-    """Write a run to a new file; FieldError if a package is not installed, OSError if it cannot be written."""
+def writer() -> Callable[[Path, ExportedRun], None]:
+    """Return what writes a run to a file, or raises OSError; FieldError if a package is not installed."""
     writing, protobuf = extra("mcap.writer", "--mcap"), extra("mcap_protobuf.schema", "--mcap")
+    extra("foxglove_schemas_protobuf", "--mcap")
+    return lambda path, run: _write(path, run, writing, protobuf)
+
+
+def _write(path: Path, run: ExportedRun, writing: Any, protobuf: Any) -> None:
     scenes = _SceneMessages(run)
     with open(path, "wb") as file:
         out = writing.Writer(file)
@@ -97,7 +102,6 @@ class _SceneMessages:
 
         self._run, self._scene, self._kind = run, run.scene, kind
         self.kinds = {name: kind(name) for name in ("SceneUpdate", "FrameTransforms", "Log")}
-        self._time = extra("google.protobuf.timestamp_pb2", "--mcap").Timestamp
         self._entity, self._update = kind("SceneEntity"), self.kinds["SceneUpdate"]
         self._point, self._pose, self._colour = kind("Point3"), kind("Pose"), kind("Color")
         self._names: set[str] = set()
@@ -193,9 +197,9 @@ class _SceneMessages:
             made = kind(timestamp=self._stamp(event.t), level=kind.INFO, message=words, name=event.agent)
             yield event.t, made.SerializeToString()
 
-    def _stamp(self, t: float) -> Any:
+    def _stamp(self, t: float) -> dict[str, int]:
         seconds, nanoseconds = divmod(_nanoseconds(t), 10**9)
-        return self._time(seconds=seconds, nanos=nanoseconds)
+        return {"seconds": seconds, "nanos": nanoseconds}
 
     def _points(self, points: Array) -> list[Any]:
         return [self._point(x=x, y=y, z=z) for x, y, z in points.tolist()]
@@ -212,18 +216,17 @@ def _json_topics(run: ExportedRun) -> Iterator[tuple[str, dict[str, Any], Iterab
     """Yield name, schema, messages and metadata of each topic."""
     for channel in run.channels:
         arrays = {
-            field.array: {"field": field.name, "columns": list(_columns(field)), "dtype": field.dtype, **_shape(field)}
+            field.array: {
+                "field": field.name, "columns": list(_columns(field)), "shape": field.shape, "dtype": field.dtype,
+            }
             for field in channel.fields
-        }
+        }  # fmt: skip
         metadata = {"arrays": json.dumps(arrays), "vehicle": channel.vehicle}
         yield f"/{'/'.join(channel.path)}", _schema(channel), _rows(channel), metadata
     for chart in run.scene.charts:
         yield f"/charts/{chart.title}", _chart_schema(chart), _chart_rows(chart), {"unit": chart.unit}
     words = {name: {"type": "string"} for name in ("agent", "kind", "message")}
-    events = [
-        (e.t, _object({"t": repr(e.t)} | _texts(agent=e.agent, kind=e.kind, message=e.message))) for e in run.events
-    ]
-    yield "/events", _described("events", words), events, {}
+    yield "/events", _described("events", words), _event_rows(run.events), {}
 
 
 def _schema(channel: Channel) -> dict[str, Any]:
@@ -232,11 +235,11 @@ def _schema(channel: Channel) -> dict[str, Any]:
         if columns := _columns(field):
             own = {name: {"type": "number", "description": words} for name, words in columns.items()}
             properties[field.name] = {"type": "object", "properties": own}
-        elif _is_number(field):
+        elif field.shape == ():
             properties[field.name] = {"type": "number"}
         else:
-            shape = _shape(field).get("shape", "")
-            words = f"{field.array} of log.npz, row by row; shape {shape}" if shape else f"{field.array} of log.npz"
+            words = f"{field.array} of log.npz, row by row"
+            words += "" if field.shape is None or len(field.shape) < 2 else f", of the shape {list(field.shape)}"
             properties[field.name] = {"type": "array", "items": {"type": "number"}, "description": words}
     return _described(channel.name, properties)
 
@@ -253,17 +256,6 @@ def _columns(field: Field) -> dict[str, str]:
     return dict(zip(short if len(set(short)) == len(short) else field.columns, field.columns, strict=True))
 
 
-def _shape(field: Field) -> dict[str, Any]:
-    """Shape of a row, if all are of one."""
-    if isinstance(field.rows, np.ndarray):
-        return {"shape": list(field.rows.shape[1:])}
-    return {}
-
-
-def _is_number(field: Field) -> bool:
-    return isinstance(field.rows, np.ndarray) and field.rows.ndim == 1
-
-
 def _rows(channel: Channel) -> Iterator[Message]:
     """Yield the messages of a channel."""
     names = [list(_columns(field)) for field in channel.fields]
@@ -275,7 +267,7 @@ def _rows(channel: Channel) -> Iterator[Message]:
                 found[field.name] = _object(
                     {name: word for name, word in zip(columns, numbers, strict=True) if word != "null"}
                 ).decode()
-            elif not _is_number(field):
+            elif field.shape != ():
                 found[field.name] = f"[{','.join(numbers)}]"
             elif numbers[0] != "null":
                 found[field.name] = numbers[0]
@@ -298,6 +290,12 @@ def _chart_rows(chart: Chart) -> Iterator[Message]:
         yield t, _object({"t": repr(t), **points[t]})
 
 
+def _event_rows(events: Iterable[Event]) -> Iterator[Message]:
+    for event in events:
+        texts = {"agent": event.agent, "kind": event.kind, "message": event.message}
+        yield event.t, _object({"t": repr(event.t)} | {name: json.dumps(text) for name, text in texts.items()})
+
+
 def _curve(chart: Chart, k: int) -> str:
     return chart.series[k].name or "value"
 
@@ -309,10 +307,6 @@ def _number(value: float) -> str:
     if math.isnan(value):
         return "null"
     return repr(value) if math.isfinite(value) else f"{'-' if value < 0 else ''}1e999"
-
-
-def _texts(**texts: str) -> dict[str, str]:
-    return {name: json.dumps(text) for name, text in texts.items()}
 
 
 def _object(words: dict[str, str]) -> bytes:

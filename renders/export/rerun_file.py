@@ -13,7 +13,7 @@ The timeline ``t`` is the time of the run, in whole nanoseconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +39,10 @@ DOT = 5.0  # [pixels] of points
 LINE = 0.6  # of the width of a line on the page: of its radius here
 
 
-def write_rerun(path: Path, run: ExportedRun) -> None:
-    """Write a run to a new file; FieldError if rerun-sdk is not installed, OSError if it cannot be written."""
-    _Writer(extra("rerun", "--rerun"), extra("rerun.blueprint", "--rerun"), run).write(path)
+def writer() -> Callable[[Path, ExportedRun], None]:
+    """Return what writes a run to a file, or raises OSError; FieldError if rerun-sdk is not installed."""
+    rerun, blueprint = extra("rerun", "--rerun"), extra("rerun.blueprint", "--rerun")
+    return lambda path, run: _Writer(rerun, blueprint, run).write(path)
 
 
 class _Writer:
@@ -192,11 +193,7 @@ class _Writer:
         """The scene with its events on the left, the charts on the right."""
         rrb, scene = self._rrb, self._scene
         charts = [
-            rrb.TimeSeriesView(
-                origin=self._path(CHARTS, chart.title),
-                name=f"{chart.title} [{chart.unit}]" if chart.unit else chart.title,
-            )
-            for chart in scene.charts
+            rrb.TimeSeriesView(origin=self._path(CHARTS, each.title), name=_heading(each)) for each in scene.charts
         ]
         texts = rrb.Tabs(
             rrb.TextLogView(origin=EVENTS, name="events"), rrb.TextDocumentView(origin=RUN, name="run"), active_tab=0
@@ -223,12 +220,14 @@ def _series(channel: Channel, field: Field) -> Iterator[tuple[list[str], list[st
         for k, name in enumerate(field.columns):
             yield [field.name, name], [name], [row[k : k + 1] for row in rows]
         return
-    shape = rows[0].shape
-    regular = channel.name != "plan"
-    names = (
-        [f"{field.name}{list(place)}" for place in np.ndindex(shape)] if regular and rows[0].size > 1 else [field.name]
-    )
+    names = [field.name]
+    if field.shape is not None and rows[0].size > 1:
+        names = [f"{field.name}{list(place)}" for place in np.ndindex(rows[0].shape)]
     yield [field.name], names, rows
+
+
+def _heading(chart: Chart) -> str:
+    return f"{chart.title} [{chart.unit}]" if chart.unit else chart.title
 
 
 def _eye(camera: Camera) -> list[float]:

@@ -5,7 +5,7 @@
 | ``truth`` | every sample | ``x``, and ``activation`` where actuators have states of their own |
 | ``input`` | every sample | ``u``, held until the next |
 | ``readings/NAME`` | samples at which the sensor was read | ``value``; NaN for single values that were lost |
-| ``estimate`` | those of the estimates | ``x``, and all that the estimator reports besides, its ``covariance`` for one |
+| ``estimate`` | those of the estimates | ``x``, and what else the estimator reports, as ``covariance`` |
 | ``plan`` | when each plan was adopted | ``times``, ``x``, ``u``, ``phase`` of its breakpoints, ``cost`` |
 | ``cramer_rao`` | every sample | ``deviation``, where the metrics define a bound |
 
@@ -39,7 +39,12 @@ class Field:
     @property
     def dtype(self) -> str:
         """Type of the numbers."""
-        return str(np.asarray(self.rows[0]).dtype) if len(self.rows) else "float64"
+        return str(np.asarray(self.rows[0] if len(self.rows) else self.rows).dtype)
+
+    @property
+    def shape(self) -> tuple[int, ...] | None:
+        """Shape of a row; None for a plan's, which have as many numbers as it has breakpoints."""
+        return self.rows.shape[1:] if isinstance(self.rows, np.ndarray) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ class Field:
 
     name: str
     array: str  # its name in log.npz, without the prefix of a vehicle
-    rows: Sequence[Array]  # of each time: of the shape of a row; of plans (b, ...), b breakpoints
+    rows: Array | Sequence[Array]  # of each time: of the shape of a row; of plans (b, ...), b breakpoints
     columns: tuple[str, ...] = ()  # "name [unit]" of each number of a row, if they are known
 
     @property

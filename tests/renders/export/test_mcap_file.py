@@ -22,6 +22,13 @@ protobuf = pytest.importorskip("mcap_protobuf.decoder", reason="the extra mcap i
 pytest.importorskip("foxglove_schemas_protobuf", reason="the extra mcap is missing")
 
 
+class Json:
+    """Decoder of messages in JSON."""
+
+    def decoder_for(self, encoding: str, schema: Any) -> Any:
+        return json.loads if encoding == "json" else None
+
+
 class Read:
     """All that a file holds, by topic."""
 
@@ -30,16 +37,13 @@ class Read:
         self.metadata: dict[str, dict[str, str]] = {}
         self.schemas: dict[str, Any] = {}
         with open(path, "rb") as file:
-            reader = reading.make_reader(file, validate_crcs=True, decoder_factories=[protobuf.DecoderFactory()])
-            for schema, channel, message in reader.iter_messages():
+            reader = reading.make_reader(
+                file, validate_crcs=True, decoder_factories=[protobuf.DecoderFactory(), Json()]
+            )
+            for schema, channel, message, value in reader.iter_decoded_messages():
                 raw = channel.message_encoding == "json"
-                value = json.loads(message.data) if raw else None
                 self.messages[channel.topic].append((message.log_time, value))
                 self.schemas[channel.topic] = json.loads(schema.data) if raw else schema.name
-            for _, channel, message, value in reader.iter_decoded_messages():
-                if channel.message_encoding == "protobuf":
-                    place = next(k for k, each in enumerate(self.messages[channel.topic]) if each[1] is None)
-                    self.messages[channel.topic][place] = (message.log_time, value)
             for channel in reader.get_summary().channels.values():
                 self.metadata[channel.topic] = channel.metadata
             self.attachments = {each.name: each.data for each in reader.iter_attachments()}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -129,12 +128,8 @@ class Lines:
 
     def at(self, t: float) -> list[Array]:
         """The polylines (m, 3) [m] that are shown at ``t`` [s], cut at the present."""
-        polylines = [(int(first), int(after)) for first, after in pairwise(self.offsets)]
-        if self.frames is not None:
-            assert self.starts is not None
-            k = last_at(self.starts, t)
-            shown = k >= 0 and t <= self.end - (SLACK if self.cut == "ahead" else -SLACK)  # at the end nothing is ahead
-            polylines = polylines[self.frames[k] : self.frames[k + 1]] if shown else []
+        numbers = self._shown(t)
+        polylines = [(int(self.offsets[k]), int(self.offsets[k + 1])) for k in numbers]
         if not self.cut:
             return [self.points[first:after] for first, after in polylines]
         assert self.times is not None
@@ -149,6 +144,20 @@ class Lines:
                 here = points[:0] if i < 0 else _mixed(points, *_between(times, t))[None]
                 found.append(np.vstack([here, points[i + 1 :]]))
         return found
+
+    def opacities_at(self, t: float) -> list[float]:
+        """The opacity of each of the polylines ``at`` a time ``t`` [s]."""
+        shown = self._shown(t) if self.opacities is not None else ()
+        return [float(self.opacities[k]) for k in shown] if self.opacities is not None else [1.0] * len(self.at(t))
+
+    def _shown(self, t: float) -> range:
+        """Numbers of the polylines of the frame at ``t`` [s]."""
+        if self.frames is None:
+            return range(len(self.offsets) - 1)
+        assert self.starts is not None
+        k = last_at(self.starts, t)
+        shown = k >= 0 and t <= self.end - (SLACK if self.cut == "ahead" else -SLACK)  # at the end nothing is ahead
+        return range(int(self.frames[k]), int(self.frames[k + 1])) if shown else range(0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,33 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.extras import extra
 from mathnavi.interfaces.writing import write_bytes
 from mathnavi.sim.records.store import cell, columns_of
-
-EXTRAS = {"pyarrow": "parquet"}  # by package
-
-
-def extra(module: str, name: str) -> Any:
-    """Import a module of one of the packages; FieldError for the field ``name`` if the package is missing."""
-    package = module.partition(".")[0]
-    try:
-        importlib.import_module(package)
-    except ModuleNotFoundError as error:
-        if error.name != package:
-            raise
-        advice = f"pip install 'mathnavi[{EXTRAS[package]}]'"
-        raise FieldError(
-            f"{name} needs the package {package}, which is not installed; allowed after {advice}"
-        ) from None
-    return importlib.import_module(module)
-
 
 WIDEST = range(-(2**63), 2**63)  # of a whole number
 

@@ -21,6 +21,7 @@ ALLOWED = {
     ("sim/plugin/index.py", "Path(_file(module)).read_text"),  # a source of an installed package, as Python reads it
     ("renders/worker.py", "json.load"),  # likewise
     ("renders/snapshots.py", "pickle.load"),
+    ("renders/export/contents.py", "Image.open"),  # a picture that a scene has made
     ("commands/interruption.py", "open"),  # a pipe of its own
     ("models/unicycle/entity.py", "mjcf.from_path"),  # parts of the package
     ("models/missile/entity.py", "mjcf.from_path"),

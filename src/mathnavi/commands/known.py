@@ -22,6 +22,7 @@ COMMANDS = {
     "render": ("mathnavi.commands.render", "a video, a still or a clip of a run"),
     "report": ("mathnavi.commands.report", "a page of a run: verdict, figures, charts, pictures, events"),
     "view": ("mathnavi.commands.view", "a run in MuJoCo's own viewer, or in a browser"),
+    "export": ("mathnavi.commands.export", "a run as a file for Rerun, or for Foxglove (MCAP)"),
     "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
     "new": (
         "mathnavi.commands.new",
@@ -41,6 +42,7 @@ OPTIONS = {  # dataclass of a command's own flags
     "render": "mathnavi.commands.render:RenderOptions",
     "report": "mathnavi.commands.report:ReportOptions",
     "view": "mathnavi.commands.view:ViewOptions",
+    "export": "mathnavi.commands.export:ExportOptions",
     "compare": "mathnavi.commands.compare:CompareOptions",
     "new": "mathnavi.commands.new:NewOptions",
     "check": "mathnavi.commands.check:CheckOptions",

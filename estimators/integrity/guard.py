@@ -157,9 +157,9 @@ class Guarded:
         if self._out:
             left_out[list(self._out)] = 1.0
         P, status, message = estimate.covariance, estimate.status, estimate.message
-        level, stands_in = self._now.witness.protection, estimate.extra.keys() != own.extra.keys()
-        figures = {"left_out": left_out, "integrity": np.array([ratio]), "protection": level}
-        extra = {**(own if stands_in else estimate).extra, **figures}
+        shown = own if estimate is own or estimate.extra.keys() != own.extra.keys() else estimate  # one may stand in
+        level = self._now.witness.protection
+        extra = {**shown.extra, "left_out": left_out, "integrity": np.array([ratio]), "protection": level}
         if P is None:
             level[:] = np.nan
         if COUNTS in extra:
@@ -289,7 +289,7 @@ class Guarded:
     def _ask(self, question: Question) -> None:
         """Begin a search from a copy that is older than the fault, and from the oldest."""
         old = [each for each in self._snapshots if self._k - each.k >= self._updates(_OLD)]
-        chosen = dict.fromkeys([*old[-1:], *self._snapshots[:1]])
+        chosen = {each.k: each for each in [*old[-1:], *self._snapshots[:1]]}.values()
         past = list(self._past)
         starts = [Start(each.k, each.copy, each.out, past[len(past) - (self._k - each.k) :]) for each in chosen]
         self._later, self._asked = [], question

@@ -40,9 +40,10 @@ from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import motion, wrapped
 
-RELATIVE, ABSOLUTE, LONGEST, SCALE, W_1, W_2, FASTEST, TURNING, Z, LEFT_1, LEFT_2 = range(11)
+RELATIVE, ABSOLUTE, LONGEST, SCALE, W_1, W_2, FASTEST, TURNING, Z, LEFT_1, LEFT_2, ALERTED = range(12)
 """constants of an update: relative and absolute [m] deviation of a range, length [m] of a lost one, s_b, variances of
-the odometry and the largest that can be [m/s, rad/s], threshold of a mean, variances of odometry that is left out"""
+the odometry and the largest that can be [m/s, rad/s], threshold of a mean, variances of odometry that is left out,
+updates until an alert"""
 _MOST_SLIP = 10.0  # times its mean that slip may be in a moment, as after a turn
 _P, _S, AGE, _SLIPPED, _GRIPPING = 3, 12, 15, 16, 17
 # columns of a branch: x (3,), P (3, 3) without the scale error, s = dx/db (3,), updates or -1, 1 where wheels have
@@ -104,8 +105,8 @@ def observe(
     deviation of ranges over the declared one, and ``slip`` [m^2/s] the process noise of wheels, where an estimator
     finds them itself. ``responds`` is True in the updates in which a branch may begin.
 
-    Writes the protection ``level`` (4,): the errors [m], [rad] that a fault may have caused, and three standard
-    deviations. Returns the worst statistic over its threshold, its test and its channel, the largest number of repeated
+    Writes the protection ``level`` (6,): the errors [m], [rad] that a fault may have caused, three standard deviations,
+    and both together. Returns the worst statistic over its threshold, its test and its channel, the largest number of repeated
     readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, and the strict one.
     """
     rays = len(angles)
@@ -151,12 +152,14 @@ def observe(
                     along = scale * scale * branches[n, _S + i] * branches[n, _S + j]
                     opened[n, i, j] = branches[n, _P + 3 * i + j] + along
         position, heading = respond(
-            responses, branches[:, AGE], opened, since, H, R, P_now, used, lengths, kappa, constants[Z], energy[3]
-        )
-        if branches[:, AGE].max() < lengths[len(lengths) // 2]:  # it has begun again
+            responses, branches[:, AGE], opened, since, H, R, P_now, used, lengths, constants[ALERTED], kappa,
+            constants[Z], energy[3],
+        )  # fmt: skip
+        if branches[:, AGE].max() < constants[ALERTED]:  # it has begun again
             position, heading = max(position, level[0]), max(heading, level[1])
         level[0], level[1] = position, heading
     level[2], level[3] = deviations(P_after)
+    level[4], level[5] = level[0] + level[2], level[1] + level[3]
     return ratio, test, channel, most, own, strict
 
 

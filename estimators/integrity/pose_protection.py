@@ -14,9 +14,10 @@ where a filter absorbs the share a. A bias b is found with the probability 1 - p
 
 for the non-central statistic exceeds its threshold with that probability: so b = (z + z_p) sqrt(kappa s / n) / (1 - a).
 The least b, over the tests until now, is the largest bias that may have stayed unfound, and |a| b the error that it
-causes. Branches begin all the time; the protection level is the largest |a| b over all of them and all channels, which
-is that of a bias that began at the worst moment, and three standard deviations. It holds for a bias of one channel that
-began within the longest window; one that grows more slowly than that may reach further.
+causes. Branches begin all the time; the protection level is the largest |a| b over all channels and all branches that
+are older than a second, the time to alert, which is that of a bias that began at the worst moment, and three standard
+deviations. It holds for a bias of one channel that began within the longest window, but for its first second; one that
+grows more slowly than that may reach further.
 
 Several readings of a ray between two calls count as one of as much information: the response changes slowly.
 """
@@ -34,6 +35,8 @@ FOUND = 2.326
 """z_p of p = 0.01"""
 DEVIATIONS = 3.0
 """standard deviations of a level"""
+ALERT = 1.0
+"""[s] that a fault may last before its error has to be within the level"""
 _FREE, _BEST, _SUMS = 3, 6, 7  # columns of a response: a (3,), that of dead reckoning (3,), 1 / b, sums (l,)
 D_X, D_Y, ALONG_X, ALONG_Y, TIME, COUNT, _READS = range(7)
 """columns of what has happened since the last call: motion (2,) [m], heading (2,) times time [s], time [s], number of
@@ -75,6 +78,7 @@ def respond(
     P: Array,
     used: Array,
     lengths: Integers,
+    alert: float,
     kappa: float,
     z: float,
     reckoned: float,
@@ -93,6 +97,7 @@ def respond(
         P: (3, 3) covariance of a prediction.
         used: (l + 1,) the rays that are used, and whether the odometry is.
         lengths: (w,) updates of the windows, in ascending order; dead reckoning is tested in all but the first.
+        alert: updates that a fault may last before it counts, or as many as the oldest branch has.
         kappa: variance of the innovations over the declared one.
         z: threshold of a mean.
         reckoned: threshold of a dead reckoning's square.
@@ -122,6 +127,7 @@ def respond(
     count, d_x, d_y = since[COUNT], since[D_X], since[D_Y]
     mean_needed, square_needed = z + FOUND, math.sqrt(reckoned) + FOUND
     position = heading = 0.0
+    alert = min(alert, ages.max())
     for n in range(len(responses)):
         if ages[n] < 0.0:
             continue
@@ -166,6 +172,8 @@ def respond(
                     d[a] = row[a] - row[_FREE + a]
                 best = max(best, math.sqrt(square(opened[n], d) / kappa) / square_needed)
             row[_BEST] = best
+            if ages[n] < alert:
+                continue
             far, turned = math.hypot(row[0], row[1]), abs(row[2])
             if far > 0.0:
                 position = max(position, far / best if best > 0.0 else math.inf)

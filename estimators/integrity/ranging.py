@@ -13,7 +13,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.guard import COST, Guarded
 from mathnavi.estimators.integrity.pose_kernels import AGE, begin_branch, no_branches, no_repeats, observe
-from mathnavi.estimators.integrity.pose_protection import no_responses, nothing_since
+from mathnavi.estimators.integrity.pose_protection import ALERT, no_responses, nothing_since
 from mathnavi.estimators.integrity.windows import (
     CLIP,
     IMPOSSIBLE,
@@ -60,7 +60,10 @@ class PoseWitness:
         limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         left_out = np.square(without_odometry(mission).odometry.noise)
         self.constants = np.array(
-            [model.relative, model.absolute, model.too_long, model.scale, *model.W, *limits, thresholds.z, *left_out]
+            [
+                *(model.relative, model.absolute, model.too_long, model.scale, *model.W, *limits, thresholds.z),
+                *(*left_out, min(round(ALERT / mission.period), thresholds.lengths[-1] // 2)),
+            ]
         )
         """what the kernels are told of the errors; see ``pose_kernels``"""
         self._fixed = *model.wall, model.angles, self.constants, thresholds.lengths, thresholds.energy
@@ -69,7 +72,7 @@ class PoseWitness:
         self._every = self._responds * round(between / self._responds)
         self._branches = no_branches(int(thresholds.lengths[-1]) // self._every + 2)
         self._responses, self._since = no_responses(len(self._branches), self._rays), nothing_since(self._rays)
-        self._level = np.full(4, np.nan)
+        self._level = np.full(6, np.nan)
         self._repeats, self._most = no_repeats(self._rays), 0
         self._nothing = np.full(self._rays, np.nan), np.full(2, np.nan)
         self._k = self._odd = 0  # updates, and the last one in which the odometry failed its own test
@@ -79,6 +82,7 @@ class PoseWitness:
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
     ) -> Worst:
         P = after.covariance
+        self._strict = self._odometry = 0.0
         if P is None:
             return self._worst
         begins = self._k % self._every == 0
@@ -110,8 +114,8 @@ class PoseWitness:
     @property
     def protection(self) -> Array:
         """Errors (2,) [m], [rad] of the last estimate: three standard deviations, and what a fault may have caused."""
-        level: Array = self._level[:2] + math.sqrt(self.windows.excess) * self._level[2:]
-        return level
+        level, excess = self._level[4:].copy(), self.windows.excess
+        return level if excess == 1.0 else level + (math.sqrt(excess) - 1.0) * self._level[2:4]
 
     def _found(self, before: Estimate) -> tuple[float, float]:
         """Deviation of ranges over the declared one, and slip [m^2/s], of an estimator that finds its noise itself.

@@ -490,7 +490,7 @@ def judged(estimates: Sequence[Estimate], truth: Array, found: Flags, *, persist
     beyond = [_lasting(ok & each) for each in (errors > level).T]
     bad = np.flatnonzero(~ok | wrong[0] | wrong[1])
     whole = int(bad[-1]) + 1 if len(bad) else 0  # the update from which on it is right for good
-    settled, sure = len(ok) - round(LASTING / PERIOD), np.flatnonzero(ok[later] & np.isfinite(level[later, 0])) + onset
+    settled, sure = len(ok) - round(LASTING / PERIOD), np.flatnonzero(ok[later] & ~np.isnan(level[later, 0])) + onset
     first = np.flatnonzero(found[later])
     return Outcome(
         position=wrong[0][later].mean().item(),

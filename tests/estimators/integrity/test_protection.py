@@ -89,8 +89,8 @@ def response(bias: Array, steps: int, between: int, moved: Array) -> tuple[float
         since += np.array([*moved, PERIOD, 0.0, PERIOD, 1.0, 1.0, 1.0, 1.0])
         if k % between == 0:
             level = respond(
-                responses, np.array([float(k)]), 1e-4 * np.eye(3)[None], since, H, R, P, bias, known.lengths, 1.0,
-                known.z, known.energy[3],
+                responses, np.array([float(k)]), 1e-4 * np.eye(3)[None], since, H, R, P, bias, known.lengths, 50.0,
+                1.0, known.z, known.energy[3],
             )  # fmt: skip
     return level
 

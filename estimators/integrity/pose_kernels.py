@@ -96,7 +96,7 @@ def observe(
     command: Array,
     used: Flags,
     responds: bool,
-) -> tuple[float, int, int, int, float, float]:
+) -> tuple[float, int, int, int, float, float, float]:
     """Take an update of an estimator from x (3,), P (3, 3) to those ``after`` it, dt [s] later.
 
     It reads ranges rho (l,) and odometry (2,), both NaN for none; the ``command`` (2,) takes the place of odometry.
@@ -107,7 +107,8 @@ def observe(
 
     Writes the protection ``level`` (6,): the errors [m], [rad] that a fault may have caused, three standard deviations,
     and both together. Returns the worst statistic over its threshold, its test and its channel, the largest number of repeated
-    readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, and the strict one.
+    readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, over all windows and over
+    those but the longest, and the strict one.
     """
     rays = len(angles)
     reckons = is_within(odometry, constants[FASTEST : TURNING + 1])
@@ -130,14 +131,17 @@ def observe(
     most = _note_repeats(repeats, rho, expected)
     note_motion(since, one[0, 0] - x[0], one[0, 1] - x[1], one[0, 2], dt, e)
     if not is_possible(x_after, P_after):
-        return math.inf, IMPOSSIBLE, -1, most, 0.0, 0.0
+        return math.inf, IMPOSSIBLE, -1, most, 0.0, 0.0, 0.0
     ratio, test, channel = worst_of(sums, k + 1, used[:rays], lengths, kappa, constants[Z], energy)
-    own = strict = 0.0
+    own = recent = strict = 0.0
     if reckons:
-        dead, strict = reckoned(branches, lengths[len(lengths) > 1 :], x_after, P_after, u, constants, slip, dt, spared)
-        dead, strict = dead / (kappa * energy[3]), strict / (kappa * energy[3])
+        dead, short, strict = reckoned(
+            branches, lengths[len(lengths) > 1 :], x_after, P_after, u, constants, slip, dt, spared
+        )
+        least = kappa * energy[3]
+        dead, short, strict = dead / least, short / least, strict / least
         if spared:
-            own = dead
+            own, recent = dead, short
         elif dead > ratio:
             ratio, test, channel = dead, RECKONED, -1
     else:
@@ -160,7 +164,7 @@ def observe(
         level[0], level[1] = position, heading
     level[2], level[3] = deviations(P_after)
     level[4], level[5] = level[0] + level[2], level[1] + level[3]
-    return ratio, test, channel, most, own, strict
+    return ratio, test, channel, most, own, recent, strict
 
 
 @njit(cache=True, nogil=True)
@@ -281,11 +285,13 @@ def reckoned(
     slip: float,
     dt: float,
     spared: bool,
-) -> tuple[float, float]:
-    """Move the branches over dt [s], and return the largest d' P^-1 d of those whose age is one of ``lengths``, and the
-    largest one as if no wheel had slipped. ``spared``: the estimate x (3,), P (3, 3) was made without the odometry.
+) -> tuple[float, float, float]:
+    """Move the branches over dt [s], and return the largest d' P^-1 d of those whose age is one of ``lengths``: over
+    all, over those but the longest, and as if no wheel had slipped. ``spared``: the estimate x (3,), P (3, 3) was made
+    without the odometry.
     """
-    worst, strict, S, d, scale = 0.0, 0.0, np.empty((3, 3)), np.empty(3), constants[SCALE] * constants[SCALE]
+    worst, short, strict, scale = 0.0, 0.0, 0.0, constants[SCALE] * constants[SCALE]
+    S, d = np.empty((3, 3)), np.empty(3)
     for n in range(len(branches)):
         branch = branches[n]
         if branch[AGE] < 0.0:
@@ -307,12 +313,15 @@ def reckoned(
                         if spared:
                             S[i, j] += P[i, j]
                 if column == _P:
-                    worst = max(worst, square(S, d))
+                    value = square(S, d)
+                    worst = max(worst, value)
+                    if length < lengths[-1]:
+                        short = max(short, value)
                 else:
                     strict = max(strict, square(S, d))
         if branch[AGE] >= lengths[-1]:
             branch[AGE] = -1.0
-    return worst, strict
+    return worst, short, strict
 
 
 @njit(cache=True, nogil=True)

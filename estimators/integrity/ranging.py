@@ -91,13 +91,13 @@ class PoseWitness:
         else:
             windows, (rho, u) = self.windows, self._newest(measurements)
             sigma, slip = self._found(before) if "noise" in before.extra else (1.0, 0.0)
-            ratio, test, channel, self._most, self._odometry, self._strict = observe(
+            ratio, test, channel, self._most, self._odometry, recent, self._strict = observe(
                 *self._fixed, windows.sums, self._branches, self._repeats, self._responses, self._since, self._level,
                 windows.k, windows.kappa, sigma, slip, before.x, before.covariance, after.x, P, after.t - before.t,
                 rho, u, command, used, begins or self._k % self._responds == 0,
             )  # fmt: skip
             windows.k += 1
-            if self._odometry > _SOFT_SQUARE / windows.thresholds.energy[3]:
+            if recent > _SOFT_SQUARE / windows.thresholds.energy[3]:
                 self._odd = self._k
             if self.strict and self._strict > ratio:
                 ratio, test, channel = self._strict, RECKONED, -1

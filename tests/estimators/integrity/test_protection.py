@@ -56,19 +56,20 @@ def faster(bias: float) -> Callable[[Drive], None]:
     return change
 
 
-@pytest.mark.parametrize("channel", range(4))
-def test_the_error_by_a_bias_that_no_test_has_found_is_within_the_level(channel: int) -> None:
-    within, sure, levels = [], [], []
-    for seed, size in enumerate((-0.03, -0.02, -0.015, 0.015, 0.02, 0.03)):
-        drive = driven(40 + seed)
-        (longer(channel, size) if channel < 3 else faster(0.5 * size))(drive)
-        error, level, three = (each[FIRST:] for each in watched(drive))
-        within += [*(error <= level).all(axis=1)]
-        sure += [*(error <= three).all(axis=1)]
-        levels += [*level[:, 0]]
-    assert np.mean(within) >= 0.99
-    assert np.mean(sure) < 0.97  # the bias is one that three deviations do not cover
-    assert np.median(levels) < 0.12
+def test_the_error_by_a_bias_that_no_test_has_found_is_within_the_level() -> None:
+    sure, levels = [], []
+    for channel in range(4):
+        within = []
+        for seed, size in enumerate((-0.02, 0.015, 0.03)):
+            drive = driven(40 + seed)
+            (longer(channel, size) if channel < 3 else faster(0.5 * size))(drive)
+            error, level, three = (each[FIRST:] for each in watched(drive))
+            within += [*(error <= level).all(axis=1)]
+            sure += [*(error <= three).all(axis=1)]
+            levels += [*level[:, 0]]
+        assert np.mean(within) >= 0.99, channel
+    assert np.mean(sure) < 0.8  # the biases are ones that three deviations do not cover
+    assert np.median(levels) < 0.08
 
 
 def test_it_is_as_many_deviations_at_any_size_of_the_noise() -> None:

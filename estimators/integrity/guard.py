@@ -92,8 +92,11 @@ class Guarded:
         """
         self.period = estimator.period
         self._now, self._recovery, self._restart = Replay(estimator, witness), recovery, restart
-        self._counted = self._earlier = np.zeros(len(Unused))  # unused readings, and those of estimators before
+        self._counted: Array = np.zeros(len(Unused))
+        self._earlier: Array | None = None  # unused readings of estimators before
         self._channels = len(witness.names)
+        self._none_out = np.zeros(self._channels)
+        self._none_out.flags.writeable = False
         self._most_out = max(0, min(most_out, self._channels - 1 - len(witness.rebuilt)))
         self._state, self._message = Status.OK if trusted else Status.INITIALISING, ""
         self._begun = False  # whether the estimator was OK for long enough yet
@@ -132,7 +135,8 @@ class Guarded:
             self._recover(t, measurements, command)
         estimate = self._now.advance(t, measurements, command, self._out)
         if COUNTS in estimate.extra:
-            self._counted = self._earlier + estimate.extra[COUNTS]
+            unused = estimate.extra[COUNTS]
+            self._counted = unused if self._earlier is None else self._earlier + unused
         tested = self._now.worst
         if estimate.status is not Status.OK or estimate.covariance is None or tested.test == IMPOSSIBLE:
             self._not_ok(estimate)
@@ -153,8 +157,9 @@ class Guarded:
     def _published(self, own: Estimate, ratio: float) -> Estimate:
         """The estimate with the worst of both statuses: the estimator's ``own``, or that of one that replaced it."""
         estimate = own if self._now.estimate is None else self._now.estimate
-        left_out = np.zeros(self._channels)
+        left_out = self._none_out
         if self._out:
+            left_out = np.zeros(self._channels)
             left_out[list(self._out)] = 1.0
         P, status, message = estimate.covariance, estimate.status, estimate.message
         shown = own if estimate is own or estimate.extra.keys() != own.extra.keys() else estimate  # one may stand in
@@ -162,7 +167,7 @@ class Guarded:
         extra = {**shown.extra, "left_out": left_out, "integrity": np.array([ratio]), "protection": level}
         if P is None:
             level[:] = np.nan
-        if COUNTS in extra:
+        if self._earlier is not None and COUNTS in extra:
             extra[COUNTS] = self._counted
         if self._state is not Status.OK:
             status, message, excess = worst(status, self._state), self._message or message, self._windows.excess
@@ -196,9 +201,9 @@ class Guarded:
         self._quiet += 1
         if self._search is not None and not self._asked.strict:
             return  # nothing is decided yet
-        windows, due = self._windows, self._k % self._between == 0 or not self._snapshots
-        noisy = windows.kappa > windows.declared
-        suspicious = self._now.witness.suspicious
+        witness = self._now.witness
+        windows, due = witness.windows, self._k % self._between == 0 or not self._snapshots
+        noisy, suspicious = windows.kappa > windows.declared, witness.suspicious
         if (
             self._state is Status.OK
             and self._begun

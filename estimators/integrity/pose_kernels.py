@@ -106,9 +106,9 @@ def observe(
     finds them itself. ``responds`` is True in the updates in which a branch may begin.
 
     Writes the protection ``level`` (6,): the errors [m], [rad] that a fault may have caused, three standard deviations,
-    and both together. Returns the worst statistic over its threshold, its test and its channel, the largest number of repeated
-    readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, over all windows and over
-    those but the longest, and the strict one.
+    and both together. Returns the worst statistic over its threshold, its test and its channel, the largest number of
+    repeated readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, over all windows
+    and over those but the longest, and the strict one.
     """
     rays = len(angles)
     reckons = is_within(odometry, constants[FASTEST : TURNING + 1])

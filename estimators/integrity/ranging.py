@@ -56,6 +56,7 @@ class PoseWitness:
         self.strict, self._strict, self._odometry = False, 0.0, 0.0
         thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
         self._outliers = model.outliers  # each of which counts as at most the clipped square
+        self._outliers_found = math.nan
         self.windows = Windows(thresholds, self._rays, 1.0 - self._outliers + self._outliers * CLIP**2)
         limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         left_out = np.square(without_odometry(mission).odometry.noise)
@@ -66,6 +67,7 @@ class PoseWitness:
             ]
         )
         """what the kernels are told of the errors; see ``pose_kernels``"""
+        self._soft_square = _SOFT_SQUARE / float(thresholds.energy[3])
         self._fixed = *model.wall, model.angles, self.constants, thresholds.lengths, thresholds.energy
         between = max(1, round(_BRANCHED / mission.period))
         self._responds = max(1, round(between / 3))
@@ -97,7 +99,7 @@ class PoseWitness:
                 rho, u, command, used, begins or self._k % self._responds == 0,
             )  # fmt: skip
             windows.k += 1
-            if recent > _SOFT_SQUARE / windows.thresholds.energy[3]:
+            if recent > self._soft_square:
                 self._odd = self._k
             if self.strict and self._strict > ratio:
                 ratio, test, channel = self._strict, RECKONED, -1
@@ -122,18 +124,21 @@ class PoseWitness:
 
         Its outliers change what the sums of squares are expected to be.
         """
-        sigma, outliers = before.extra["noise"].tolist()
-        most = max(self._outliers, outliers)
-        self.windows.expect(1.0 - most + most * CLIP**2)
-        return max(1.0, sigma), float(before.extra["slip"][0]) if "slip" in before.extra else 0.0
+        extra = before.extra
+        sigma, outliers = extra["noise"].tolist()
+        if outliers != self._outliers_found:
+            self._outliers_found, most = outliers, max(self._outliers, outliers)
+            self.windows.expect(1.0 - most + most * CLIP**2)
+        return max(1.0, sigma), extra["slip"].item() if "slip" in extra else 0.0
 
     def _newest(self, measurements: Sequence[Measurement]) -> tuple[Array, Array]:
         """Newest ranges (l,) and odometry (2,); NaN for none."""
         ranges = odometry = None
         for each in measurements:
-            if each.name == RANGES and (ranges is None or each.t >= ranges.t):
+            name = each.name
+            if name == RANGES and (ranges is None or each.t >= ranges.t):
                 ranges = each
-            elif each.name == ODOMETRY and (odometry is None or each.t >= odometry.t):
+            elif name == ODOMETRY and (odometry is None or each.t >= odometry.t):
                 odometry = each
         rho, u = self._nothing
         return (

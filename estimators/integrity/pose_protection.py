@@ -28,6 +28,7 @@ import math
 
 import numpy as np
 
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
 
@@ -76,7 +77,7 @@ def respond(
     H: Array,
     R: Array,
     P: Array,
-    used: Array,
+    used: Flags,
     lengths: Integers,
     alert: float,
     kappa: float,

@@ -26,8 +26,6 @@ class Witness(Protocol):
     """channels that an estimator leaves out if it is built for that: their readings are given to it all the same"""
     strict: bool
     """True if nothing may be put down to what an estimator has found by itself"""
-    protection: Array
-    """errors (k,) of the last estimate that no fault of one channel exceeds before it is found; NaN if not known"""
 
     def take(
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
@@ -36,6 +34,10 @@ class Witness(Protocol):
 
         ``before`` and ``after`` are the estimates before and after it, the latter with a covariance.
         """
+
+    @property
+    def protection(self) -> Array:
+        """Errors (k,) of the last estimate that no fault of one channel exceeds unfound; NaN if they are not known."""
 
     @property
     def suspicious(self) -> bool:

@@ -293,9 +293,10 @@ class Guarded:
 
     def _ask(self, question: Question) -> None:
         """Begin a search from a copy that is older than the fault, and from the oldest."""
-        old = [each for each in self._snapshots if self._k - each.k >= self._updates(_OLD)]
-        chosen = {each.k: each for each in [*old[-1:], *self._snapshots[:1]]}.values()
         past = list(self._past)
+        known = [each for each in self._snapshots if self._k - each.k <= len(past)]  # whose readings since are kept
+        old = [each for each in known if self._k - each.k >= self._updates(_OLD)]
+        chosen = {each.k: each for each in [*old[-1:], *known[:1]]}.values()
         starts = [Start(each.k, each.copy, each.out, past[len(past) - (self._k - each.k) :]) for each in chosen]
         self._later, self._asked = [], question
         self._search = search(starts, self._later, question, self._restart)

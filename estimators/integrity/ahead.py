@@ -7,14 +7,15 @@ from numba.core import types
 from mathnavi.estimators.integrity.pose_kernels import begin_branch, observe
 from mathnavi.estimators.integrity.witness import is_possible
 from mathnavi.interfaces.compiled import Signature
-from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ, array
+from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array
 
-_NUMBER, _WHOLE = types.float64, array(1, types.int64)
+_NUMBER, _WHOLE, _FLAGS = types.float64, array(1, types.int64), array(1, types.boolean)
 _FIXED = (TWO_READ, TWO_READ, ONE, ONE, _WHOLE, ONE)  # wall, angles, constants, lengths, thresholds
-_KEPT = (TWO, TWO, TWO, types.int64, _NUMBER, _NUMBER, _NUMBER)  # sums, branches, repeats, k, kappa, sigma, slip
-_UPDATE = (ONE, TWO, ONE, TWO, _NUMBER, ONE, ONE, ONE, array(1, types.boolean))  # estimates, dt, readings, rays
+_KEPT = (TWO, TWO, TWO, THREE, ONE, ONE)  # sums, branches, repeats, responses, what has happened since, levels
+_FOUND = (types.int64, _NUMBER, _NUMBER, _NUMBER)  # k, kappa, sigma, slip
+_UPDATE = (ONE, TWO, ONE, TWO, _NUMBER, ONE, ONE, ONE, _FLAGS, types.boolean)  # estimates, dt, readings, rays
 KERNELS: tuple[Signature, ...] = (
-    (observe, (*_FIXED, *_KEPT, *_UPDATE)),
-    (begin_branch, (TWO, ONE, TWO)),
+    (observe, (*_FIXED, *_KEPT, *_FOUND, *_UPDATE)),
+    (begin_branch, (TWO, THREE, ONE, TWO)),
     (is_possible, (ONE, TWO)),
 )

@@ -4,15 +4,22 @@ Everything that it tests is published: estimates, and the readings that the esti
 test alarms, the readings of the last seconds are run again from a copy of the estimator that is older than the fault,
 without each single channel and without pairs of the most suspicious (``isolation``). The smallest set without which
 nothing alarms, and whose readings contradict the estimate without them, is left out; the estimator of that replay takes
-the place of the contaminated one, so that the estimate is right again at once.
+the place of the contaminated one, so that the estimate is right again at once. Replays are spread over the updates, so
+that they take about a fifth of the period.
 
     OK -> DEGRADED      at the first alarm; also while channels are left out, or the noise is found larger than declared
-    DEGRADED -> LOST    where nothing explains the alarm for 0.75 s
+    DEGRADED -> LOST    where nothing explains the alarm for 0.75 s, and no search is under way
     LOST -> OK          once the state was found again and no test alarms for 5 s
     DEGRADED -> OK      once all channels are used again and no test alarms for 2 s
 
 A channel that is left out is used again once its own tests have passed for 2 s, and each further time for twice as
 long. The status of the estimator itself is never improved upon.
+
+An estimator that puts a fault down to something else, as one does that finds the slip of wheels where a ray drifts, is
+OK. Where tests fail that are strict about that, the last seconds are searched for a ray without which they do not.
+
+``extra["protection"]`` is what the error of the estimate is within while a fault has not been found yet, if one channel
+is at fault (``pose_protection``).
 """
 
 from __future__ import annotations
@@ -23,9 +30,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.estimators.integrity.isolation import Explanation, Replay, explanation
+from mathnavi.estimators.integrity.isolation import Explanation, Question, Reading, Replay, Search, Start, search
 from mathnavi.estimators.integrity.windows import ENERGY, IMPOSSIBLE, JOINT, MEAN, RECKONED, Windows
-from mathnavi.estimators.integrity.witness import Recovery, Witness, is_plausible
+from mathnavi.estimators.integrity.witness import Recovery, Restart, Witness, is_plausible
 from mathnavi.estimators.timeout_monitor import worst
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.reading_counts import COUNTS, Unused
@@ -37,6 +44,11 @@ _FOUND = 5.0  # [s] likewise, after it was lost
 _READMITTED, _LONGEST = 2.0, 30.0  # [s] for which a channel has to pass its tests, at first and at most
 _PATIENCE = 0.75  # [s] for which an alarm may stay without an explanation
 _RETRIED = 0.25  # [s] between two attempts to explain one
+_OLD = 1.5  # [s] before an alarm: a fault began later than that, as a rule
+_SUSPECTED, _UNSUSPECTED = 1.0, 30.0  # [s] between two searches for what strict tests suspect, at first and at most
+_SHARE = 0.2  # of the period that replays may take
+COST = 1.5e-4
+"""[s] of an update that is run again, on a common computer"""
 _WORDS = {MEAN: "its mean", ENERGY: "its spread", JOINT: "all readings together", RECKONED: "dead reckoning"}
 
 
@@ -52,7 +64,7 @@ class Guarded:
     """An estimator with its monitor.
 
     ``extra["left_out"]`` (l,) of an estimate is 1 for a channel that was left out, else 0; ``extra["integrity"]`` (1,)
-    the worst statistic over its threshold.
+    the worst statistic over its threshold; ``extra["protection"]`` (k,) the protection level, NaN if it is not known.
     """
 
     def __init__(
@@ -61,8 +73,10 @@ class Guarded:
         witness: Witness,
         *,
         recovery: Recovery | None = None,
+        restart: Restart | None = None,
         trusted: bool = True,
         most_out: int = 2,
+        cost: float = COST,
     ) -> None:
         """Put the monitor beside an estimator.
 
@@ -70,24 +84,33 @@ class Guarded:
             estimator: the estimator; its period [s] is that of the updates.
             witness: tests of its channels.
             recovery: how it begins again; None for an estimator that finds its state by itself.
+            restart: how it begins at an estimate; None for one that cannot.
             trusted: True if the estimate is OK as soon as the estimator says so, False if no test may have alarmed for
                 2 s before.
             most_out: number of channels that may be left out together; 0 where none can be spared.
+            cost: time [s] of an update that is run again.
         """
         self.period = estimator.period
-        self._now, self._recovery = Replay(estimator, witness), recovery
-        self._counting = self._now  # whose numbers of unused readings were published last
-        self._counted = self._uncounted = np.zeros(len(Unused))
+        self._now, self._recovery, self._restart = Replay(estimator, witness), recovery, restart
+        self._counted: Array = np.zeros(len(Unused))
+        self._earlier: Array | None = None  # unused readings of estimators before
         self._channels = len(witness.names)
-        self._most_out = min(most_out, self._channels - 1)
+        self._none_out = np.zeros(self._channels)
+        self._none_out.flags.writeable = False
+        self._most_out = max(0, min(most_out, self._channels - 1 - len(witness.rebuilt)))
         self._state, self._message = Status.OK if trusted else Status.INITIALISING, ""
         self._begun = False  # whether the estimator was OK for long enough yet
         self._out: frozenset[int] = frozenset()
         self._astray = False  # True for an estimator that has to begin again
         self._k = self._quiet = 0
         self._next_attempt, self._unexplained = 0, -1
-        self._past: deque[tuple[float, Sequence[Measurement], Array]] = deque(maxlen=self._updates(_MEMORY) + 1)
+        self._past: deque[Reading] = deque(maxlen=self._updates(_MEMORY) + 1)
         self._snapshots: list[Snapshot] = []
+        self._search: Search | None = None
+        self._later: list[Reading] = []  # readings since it began
+        self._asked = Question(frozenset(), frozenset(), 0)
+        self._replayed = max(1, round(_SHARE * self.period / cost))  # updates that are run again in one
+        self._next_suspicion, self._suspected = 0, self._updates(_SUSPECTED)
         self._settled, self._found, self._retried = map(self._updates, (_SETTLED, _FOUND, _RETRIED))
         self._between = self._updates(_SNAPSHOT)
         self._passed = np.zeros(len(witness.names), dtype=np.int64)  # updates for which a channel has passed its tests
@@ -105,10 +128,15 @@ class Guarded:
         """
         self._k += 1
         self._past.append((t, tuple(measurements), command.copy()))
+        if self._search is not None:
+            self._later.append(self._past[-1])
         ratio = 0.0
         if self._astray and self._recovery is not None:
             self._recover(t, measurements, command)
         estimate = self._now.advance(t, measurements, command, self._out)
+        if COUNTS in estimate.extra:
+            unused = estimate.extra[COUNTS]
+            self._counted = unused if self._earlier is None else self._earlier + unused
         tested = self._now.worst
         if estimate.status is not Status.OK or estimate.covariance is None or tested.test == IMPOSSIBLE:
             self._not_ok(estimate)
@@ -119,31 +147,38 @@ class Guarded:
                 self._alarmed(frozenset(stuck) - self._out, _WORDS.get(test, "a reading"), channel)
             else:
                 self._calm()
-        return self._published(estimate if self._now.estimate is None else self._now.estimate, ratio)
+        if self._search is not None:
+            self._go_on()
+        return self._published(estimate, ratio)
 
     def _updates(self, seconds: float) -> int:
         return max(1, round(seconds / self.period))
 
-    def _published(self, estimate: Estimate, ratio: float) -> Estimate:
-        """The estimate with the worst of both statuses."""
-        left_out = np.zeros(self._channels)
+    def _published(self, own: Estimate, ratio: float) -> Estimate:
+        """The estimate with the worst of both statuses: the estimator's ``own``, or that of one that replaced it."""
+        estimate = own if self._now.estimate is None else self._now.estimate
+        left_out = self._none_out
         if self._out:
+            left_out = np.zeros(self._channels)
             left_out[list(self._out)] = 1.0
-        extra = {**estimate.extra, "left_out": left_out, "integrity": np.array([ratio])}
-        if COUNTS in extra:
-            extra[COUNTS] = self._count(extra[COUNTS])
         P, status, message = estimate.covariance, estimate.status, estimate.message
+        shown = own if estimate is own or estimate.extra.keys() != own.extra.keys() else estimate  # one may stand in
+        level = self._now.witness.protection
+        extra = {**shown.extra, "left_out": left_out, "integrity": np.array([ratio]), "protection": level}
+        if P is None:
+            level[:] = np.nan
+        if self._earlier is not None and COUNTS in extra:
+            extra[COUNTS] = self._counted
         if self._state is not Status.OK:
             status, message, excess = worst(status, self._state), self._message or message, self._windows.excess
             P = P if P is None or excess <= 1.0 else excess * P
         return Estimate(estimate.t, estimate.x, P, status, extra, message)
 
-    def _count(self, unused: Array) -> Array:
-        """Numbers of unused readings so far, those of estimators that were replaced included."""
-        if self._counting is not self._now:
-            self._counting, self._uncounted = self._now, self._counted - unused
-        self._counted = unused + self._uncounted
-        return self._counted
+    def _replace(self, replay: Replay, *, anew: bool) -> None:
+        """Go on with another estimator, one that has begun ``anew`` or was replayed; what was counted so far stays."""
+        counted = None if anew or replay.estimate is None else replay.estimate.extra.get(COUNTS)
+        self._earlier = self._counted if counted is None else self._counted - counted
+        self._now = replay
 
     @property
     def _windows(self) -> Windows:
@@ -157,16 +192,23 @@ class Guarded:
                 self._alarmed(frozenset(), "the estimator's own tests", -1)
             return
         self._now.witness.clear()
-        self._quiet, self._snapshots = 0, []
+        self._quiet, self._snapshots, self._search = 0, [], None
         if not is_plausible(estimate) and estimate.status is Status.OK:
             self._state, self._message, self._astray = Status.LOST, "is not finite, or its covariance is none", True
 
     def _calm(self) -> None:
         """Count an update without an alarm: settle, readmit channels, keep a copy."""
         self._quiet += 1
-        windows, due = self._windows, self._k % self._between == 0 or not self._snapshots
-        noisy = windows.kappa > windows.declared
-        if self._state is Status.OK and self._begun and not (due or noisy or self._out or self._unexplained >= 0):
+        if self._search is not None and not self._asked.strict:
+            return  # nothing is decided yet
+        witness = self._now.witness
+        windows, due = witness.windows, self._k % self._between == 0 or not self._snapshots
+        noisy, suspicious = windows.kappa > windows.declared, witness.suspicious
+        if (
+            self._state is Status.OK
+            and self._begun
+            and not (due or noisy or suspicious or self._out or self._unexplained >= 0)
+        ):
             return  # nothing changes
         if not self._begun and self._quiet >= self._settled:  # what the start was wrong by is no evidence any more
             self._begun, self._snapshots = True, []
@@ -189,19 +231,34 @@ class Guarded:
             kept = self._k - self._updates(_MEMORY)
             self._snapshots = [each for each in self._snapshots if each.k >= kept]
             self._snapshots.append(Snapshot(self._k, self._now.copy(), self._out))
+        if suspicious and self._begun and self._k >= self._next_suspicion and self._search is None:
+            self._ask(Question(self._out, frozenset(), min(1, self._most_out), strict=True))
 
     def _readmit(self) -> None:
         """Use a channel again that has passed its own tests for long enough."""
-        windows, stuck = self._windows, self._now.witness.stuck()
+        witness = self._now.witness
+        stuck = witness.stuck()
         for i in sorted(self._out):
-            passes = windows.is_quiet(i, self._updates(_READMITTED)) and i not in stuck
+            passes = witness.is_quiet(i, self._updates(_READMITTED)) and i not in stuck
             self._passed[i] = self._passed[i] + 1 if passes else 0
-            if self._passed[i] >= self._wait[i]:
+            if self._passed[i] >= self._wait[i] and self._takes_back(i):
                 self._out -= {i}
-                windows.forget(i)
+                witness.forget(i)
                 self._passed[i], self._quiet = 0, 0
                 self._wait[i] = min(2 * self._wait[i], self._updates(_LONGEST))
-                self._message = self._left_out() if self._out else f"uses {self._now.witness.names[i]} again"
+                self._message = self._left_out() if self._out else f"uses {witness.names[i]} again"
+
+    def _takes_back(self, channel: int) -> bool:
+        """Prepare the estimator for a channel that is used again; False if it cannot be."""
+        now = self._now
+        if channel not in now.witness.rebuilt:
+            return True
+        assert self._restart is not None
+        assert now.estimate is not None
+        begun = self._restart.begun(now.estimate, self._out - {channel}, replayed=False)
+        if begun is not None:
+            self._replace(Replay(begun, now.witness, now.estimate), anew=True)
+        return begun is not None
 
     def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
         """Explain an alarm by channels that are left out or by more noise; else the estimate is lost."""
@@ -212,7 +269,9 @@ class Guarded:
             return
         if self._state is Status.LOST:
             return
-        if self._k < self._next_attempt:
+        if self._search is not None and self._asked.strict:
+            self._search = None
+        if self._search is not None or self._k < self._next_attempt:
             return
         if not self._begun and self._recovery is None:  # it has not found its state yet: by itself it will
             self._state, self._message = Status.INITIALISING, "waits until its readings agree with it"
@@ -230,34 +289,51 @@ class Guarded:
             self._snapshots = []
             return
         self._next_attempt = self._k + self._retried
-        if found := self._explained(stuck, late=impatient):
-            self._adopt(found)
-        elif impatient:
-            self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
-            self._astray = True
-            self._now.witness.clear()
+        self._ask(Question(self._out, stuck, self._most_out, noise=impatient))
 
-    def _explained(self, stuck: frozenset[int], *, late: bool) -> Explanation | None:
-        """The explanation from a copy that is older than the fault, or from the oldest; ``late`` also by noise."""
-        if not self._snapshots:
-            return None
-        old = [each for each in self._snapshots if self._k - each.k >= self._updates(1.5)]
-        starts = list(dict.fromkeys(([len(old) - 1] if old else []) + [0]))
+    def _ask(self, question: Question) -> None:
+        """Begin a search from a copy that is older than the fault, and from the oldest."""
         past = list(self._past)
-        for at in starts:
-            start = self._snapshots[at]
-            since = past[len(past) - (self._k - start.k) :]
-            found = explanation(start.copy.copy(), start.out, since, self._out, stuck, self._most_out, noise=late)
-            if found is not None:
-                self._snapshots = self._snapshots[: at + 1]
-                return found
-        return None
+        known = [each for each in self._snapshots if self._k - each.k <= len(past)]  # whose readings since are kept
+        old = [each for each in known if self._k - each.k >= self._updates(_OLD)]
+        chosen = {each.k: each for each in [*old[-1:], *known[:1]]}.values()
+        starts = [Start(each.k, each.copy, each.out, past[len(past) - (self._k - each.k) :]) for each in chosen]
+        self._later, self._asked = [], question
+        self._search = search(starts, self._later, question, self._restart)
+
+    def _go_on(self) -> None:
+        """Run some updates of the search, and decide by what it has found."""
+        assert self._search is not None
+        try:
+            for _ in range(self._replayed):
+                next(self._search)
+        except StopIteration as end:
+            self._search = None
+            if end.value is not None:
+                self._adopt(end.value)
+            elif self._asked.strict:
+                self._next_suspicion = self._k + self._suspected
+                self._suspected = min(2 * self._suspected, self._updates(_UNSUSPECTED))
+            elif self._asked.noise:
+                self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
+                self._astray = True
+                self._now.witness.clear()
+            else:
+                self._next_attempt = self._k
 
     def _adopt(self, found: Explanation) -> None:
         """Go on with the estimator of a replay."""
-        self._now = found.replay
+        replay, anew = found.replay, self._restart is not None and self._restart.stands_in
+        if anew and self._restart is not None and replay.estimate is not None:
+            begun = self._restart.begun(replay.estimate, found.out, replayed=False)
+            if begun is None:
+                return
+            replay = Replay(begun, replay.witness, replay.estimate, replay.worst)
+        self._replace(replay, anew=anew)
+        self._snapshots = [each for each in self._snapshots if each.k <= found.k]
         self._out, self._unexplained = found.out, -1
-        self._passed[:] = 0
+        self._passed[:], self._quiet = 0, 0
+        self._state = Status.DEGRADED if self._state is Status.OK else self._state
         if found.out:
             self._message = self._left_out() + (", or another one" if found.ambiguous else "")
         else:
@@ -272,7 +348,7 @@ class Guarded:
         assert self._recovery is not None
         found = self._recovery.found(t, measurements, command)
         if found is not None:
-            self._now = Replay(found, self._now.witness)
+            self._replace(Replay(found, self._now.witness), anew=True)
             self._quiet, self._astray = 0, False
             self._now.witness.clear()
             self._message = "has begun again"

@@ -3,10 +3,10 @@
 The filter passes the innovation nu (m,) of each reading, its covariance S and the noise R, also of readings that it
 refuses. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
 
-    OK -> DEGRADED      at an alarm; for 20 s, since its cause is unknown, and innovations are quiet again once the
-                        estimate has settled at a wrong place
+    OK -> DEGRADED      at an alarm; for 20 s with readings, since its cause is unknown, and innovations are quiet again
+                        once the estimate has settled at a wrong place
     -> LOST             after four readings in a row that are each off by more than chance allows, one in 1e9
-    LOST -> DEGRADED    after 5 s without an alarm
+    LOST -> DEGRADED    after 5 s with readings and without an alarm
 
 Innovations also say how much larger they are than declared, and sooner than an alarm: where sum w'w is beyond
 chi2_c(0.001) in a window, r, the largest over the windows of sum w'w / chi2_c(0.1), is a lower bound of it. All of it
@@ -27,6 +27,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
 _LATCHED, _FOUND = 20.0, 5.0  # [s] without an alarm until the estimate is OK again, and until it is no longer lost
+_GAP = 2.1  # intervals between two readings, of which one is missing, with some jitter
 _CHANCE, _IN_A_ROW = 1e-9, 4
 _LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
 _WORDS = {MEAN: "their mean", ENERGY: "their spread"}
@@ -45,7 +46,8 @@ class InnovationMonitor:
         freedom = np.arange(1, int(self._thresholds.lengths[-1]) * components + 1)
         self._likely, self._unlikely = (np.append(math.inf, chdtri(freedom, level)) for level in (_LIKELY, _UNLIKELY))
         self._far = 0  # readings in a row that are off
-        self._alarmed = self._lost = -math.inf  # [s] last time
+        self._alarmed = self._lost = -math.inf  # [s] last time, later by the gaps since
+        self._interval, self._t = interval, -math.inf  # [s] between readings; [s] of the newest
         self.inflation = 1.0
         """factor >= 1 of the covariance of the estimate"""
         self.ratio = 0.0
@@ -54,6 +56,10 @@ class InnovationMonitor:
 
     def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
         """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
+        if t - self._t > _GAP * self._interval and self._t > -math.inf:  # nothing was tested meanwhile
+            gap = t - self._t - self._interval
+            self._alarmed, self._lost = self._alarmed + gap, self._lost + gap
+        self._t = t
         try:
             white = np.linalg.solve(np.linalg.cholesky(S), nu)
         except np.linalg.LinAlgError:  # S is no covariance
@@ -93,6 +99,7 @@ class InnovationMonitor:
 
     def status(self, t: float) -> Status:
         """Status at t [s] as far as the readings agree with the estimate."""
+        t = min(t, self._t + self._interval)
         if t - self._lost < _FOUND - TIME_TOLERANCE:
             return Status.LOST
         if t - self._alarmed < _LATCHED - TIME_TOLERANCE:

@@ -40,7 +40,8 @@ NOTHING, MEAN, ENERGY, JOINT, RECKONED, IMPOSSIBLE = range(6)
 """tests, by number: none, of the windows, of dead reckoning, and of what an estimate can be"""
 
 _FALSE_ALARM, _HORIZON = 0.01, 60.0  # probability of a false alarm in a time [s]
-_SOFT = 1e-3  # level of a channel that is to be used again
+SOFT = 1e-3
+"""level of a channel that is to be used again"""
 
 
 class Worst(NamedTuple):
@@ -77,8 +78,8 @@ class Thresholds:
             lengths.astype(np.int64),
             float(-ndtri(0.5 * alpha)),
             np.append(math.inf, chdtri(freedom, alpha)),
-            float(-ndtri(0.5 * _SOFT)),
-            np.append(math.inf, chdtri(soft, _SOFT)),
+            float(-ndtri(0.5 * SOFT)),
+            np.append(math.inf, chdtri(soft, SOFT)),
         )
 
 

@@ -1,4 +1,4 @@
-"""Protocols between the monitor and an estimator: the tests of its channels, and its restart once it is lost."""
+"""Protocols between the monitor and an estimator: the tests of its channels, and how it begins again."""
 
 from __future__ import annotations
 
@@ -22,6 +22,10 @@ class Witness(Protocol):
     windows: Windows
     names: tuple[str, ...]
     """names (l,) of the channels, in messages"""
+    rebuilt: frozenset[int]
+    """channels that an estimator leaves out if it is built for that: their readings are given to it all the same"""
+    strict: bool
+    """True if nothing may be put down to what an estimator has found by itself"""
 
     def take(
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
@@ -31,8 +35,25 @@ class Witness(Protocol):
         ``before`` and ``after`` are the estimates before and after it, the latter with a covariance.
         """
 
+    @property
+    def protection(self) -> Array:
+        """Errors (k,) of the last estimate that no fault of one channel exceeds unfound; NaN if they are not known."""
+
+    @property
+    def suspicious(self) -> bool:
+        """True if a strict test of the last update has failed."""
+
     def stuck(self) -> list[int]:
         """Channels whose reading stays while what they should read moves."""
+
+    def against(self, channel: int) -> float:
+        """The largest ratio of a channel's own tests."""
+
+    def is_quiet(self, channel: int, updates: int) -> bool:
+        """True if the last updates of a channel pass its own tests at the soft level."""
+
+    def forget(self, channel: int) -> None:
+        """Forget what was read of a channel."""
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         """The readings without some channels."""
@@ -49,6 +70,20 @@ class Recovery(Protocol):
 
     def found(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimator | None:
         """Take the readings of t [s]; a new estimator once the state is known again, until then None."""
+
+
+class Restart(Protocol):
+    """Makers of estimators that begin at an estimate."""
+
+    stands_in: bool
+    """True if a simpler estimator stands in for the monitor's in replays"""
+    without: frozenset[int]
+    """channels of those that estimators have to be built for which can be left out"""
+
+    def begun(self, estimate: Estimate, out: frozenset[int], *, replayed: bool) -> Estimator | None:
+        """An estimator that begins at an estimate and leaves out some channels, to go on with or to be ``replayed``;
+        None where it can not begin there.
+        """
 
 
 def is_plausible(estimate: Estimate) -> bool:

@@ -77,7 +77,8 @@ class RangeCertified:
 
         In addition to the estimator's own arrays ``extra`` has those of the last certificate: ``certified`` (1,), 1 or
         0, and ``others`` (8, 3), the other poses that explained the readings. Both are NaN until there are enough
-        readings, and while the estimate is not OK.
+        readings, and while the estimate is not OK. The status is the estimator's own: OK does not say that the pose is
+        certified.
         """
         rho, u = self._reader.read(t, measurements, command)
         estimate = self._estimator.update(t, measurements, command)

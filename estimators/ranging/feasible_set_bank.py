@@ -181,7 +181,7 @@ class FeasibleSetBank:
         self._inputs = np.zeros((kept, 2))  # over the periods that ended with them
         self._times = np.full(kept, np.nan)  # [s] of them
         self._calls = 0
-        self._t = 0.0  # [s] of the hypotheses
+        self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()

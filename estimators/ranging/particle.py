@@ -23,6 +23,7 @@ from mathnavi.estimators.ranging.kalman_kernels import step_within
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, clusters_of, fold
 from mathnavi.estimators.ranging.particle_kernels import propagate, resample, weigh
+from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig, RangeEkf
 from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import CountInMemory, Positive, Probability, Seed, Within, configuration
@@ -98,12 +99,13 @@ class RangeParticle:
         self._mean, _ = self._model.start()
         self._slow = self._fast = 0.0  # w_slow, w_fast
         self._averaged = 0  # likelihoods in them
-        self._t: float | None = None  # [s] of the particles; None before the first call
+        self._t = mission.begins  # [s] of the particles; None before the first call
 
     @staticmethod
     def build(config: RangeParticleConfig, mission: RangingMission) -> Guarded:
         """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(RangeParticle, config), mission, most_out=0)
+        replayed = partial(RangeEkf, PoseFilterConfig(timeout=config.timeout))
+        return guarded(partial(RangeParticle, config), mission, stand_in=replayed)
 
     @staticmethod
     def sensors(config: RangeParticleConfig, mission: RangingMission) -> tuple[Sensor, ...]:

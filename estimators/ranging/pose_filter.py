@@ -70,7 +70,7 @@ class PoseFilter(ABC):
         self.period = mission.period
         self._model, self._reader = RangeModel(mission), RangeReader(mission, config.timeout)
         self._gate = Gate(config.gate, mission.sensors, self._reader.counts)
-        self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._t = mission.begins  # [s] of the filter's state; None before the first call
 
     @classmethod
     def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Guarded:

@@ -31,6 +31,8 @@ from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 
+_COST = 8e-4  # [s] of an update
+
 
 @configuration
 class RangeUkfConfig:
@@ -60,12 +62,12 @@ class RangeUkf:
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()
         self._filter.Q = np.zeros((STATES, STATES))
-        self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._t = mission.begins  # [s] of the filter's state; None before the first call
 
     @staticmethod
     def build(config: RangeUkfConfig, mission: RangingMission) -> Guarded:
         """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(RangeUkf, config), mission, finder=pose_finder)
+        return guarded(partial(RangeUkf, config), mission, finder=pose_finder, cost=_COST)
 
     @staticmethod
     def sensors(config: RangeUkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:

@@ -221,6 +221,11 @@ class RangingMission:
             return np.array(self.start.pose)
         return np.array([*self.curve.centre, 0.0])
 
+    @property
+    def begins(self) -> float | None:
+        """Time [s] of the known start; None if it is that of the first update."""
+        return None if self.start is None else self.start.t
+
     def flow(self, x: Array, u: Array, dt: float) -> Array:
         """Pose (3,) [m, m, rad] after the input u (2,) [m/s, rad/s] was held for dt [s] from x (3,)."""
         after: Array = integrate(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)

@@ -27,7 +27,8 @@ class OdometryQuality:
 
 @dataclass(frozen=True)
 class KnownStart:
-    """A pose that estimators are given at t = 0, and its standard deviations."""
+    """A pose that estimators are given, and its standard deviations."""
 
     pose: tuple[float, float, float]  # [m, m, rad]
     deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations
+    t: float | None = None  # [s] at which the robot is there; None: at the first update, or at 0 s

@@ -96,6 +96,22 @@ def test_it_is_lost_after_readings_in_a_row_that_cannot_be_and_returns_in_steps(
     assert words[-1] is Status.OK
 
 
+def test_an_alarm_is_remembered_for_as_long_as_readings_come() -> None:
+    """A time without them proves nothing."""
+    monitor, rng = InnovationMonitor("fixes", 3, 0.1), np.random.default_rng(0)
+    monitor.note(0.0, np.full(3, 9.0), np.eye(3), 0.5 * np.eye(3))
+    for k in range(1, 20):
+        monitor.note(0.1 * k, (9.0 if k < 5 else 1.0) * rng.standard_normal(3), np.eye(3), 0.5 * np.eye(3))
+    assert monitor.status(1.9) is not Status.OK
+    assert monitor.status(100.0) is not Status.OK
+    words = []
+    for k in range(1000, 1400):
+        monitor.note(0.1 * k, rng.standard_normal(3), np.eye(3), 0.5 * np.eye(3))
+        words.append(monitor.status(0.1 * k))
+    assert Status.OK not in words[:150]
+    assert words[-1] is Status.OK
+
+
 @pytest.mark.parametrize("covariance", [np.nan, -1.0])
 def test_an_estimate_that_is_none_is_lost_at_once(covariance: float) -> None:
     monitor = InnovationMonitor("fixes", 3, 0.1)

@@ -117,12 +117,12 @@ def test_a_ray_at_fault_is_named_left_out_and_used_again(kind: Any, ray: int, fa
     found = estimates(kind, drive, known=kind is not FeasibleSetBank)
     assert sure_and_wrong(found, drive) == 0.0
     named = [np.flatnonzero(each.extra["left_out"]).tolist() == [ray] for each in found[FIRST:LAST]]
-    assert np.mean(named) > 0.85
+    assert np.mean(named) > 0.8
     during = found[(FIRST + LAST) // 2]
     assert during.status is Status.DEGRADED
     assert f"ray {ray}" in during.message
-    errors = np.array([np.hypot(*(each.x - x)[:2]) for each, x in zip(found, drive.x, strict=True)])
-    assert errors[FIRST:].max() < 0.25
+    pairs = zip(found[FIRST:], drive.x[FIRST:], strict=True)
+    assert max(np.hypot(*(each.x - x)[:2]) for each, x in pairs if each.status.usable) < 0.25
     assert found[-1].status is Status.OK
     assert not found[-1].extra["left_out"].any()
 
@@ -171,7 +171,7 @@ def test_every_estimator_of_a_pose_that_the_command_line_names_has_its_monitor(n
         found = estimator.update(t, readings, u)
         if k == 45:
             assert found.status is Status.OK
-    assert found.extra["left_out"].shape == (3,)
+    assert found.extra["left_out"].shape == (4,)
     assert found.status is not Status.OK
 
 
@@ -195,12 +195,73 @@ def test_a_start_that_is_off_by_as_much_as_declared_is_the_fault_of_no_ray() -> 
     assert words <= {Status.OK, Status.DEGRADED}
 
 
-def test_odometry_that_is_wrong_is_no_fault_of_a_ray() -> None:
+@pytest.mark.parametrize("kind", [RangeEkf, RangeIekf], ids=lambda kind: kind.__name__)
+def test_odometry_that_is_wrong_is_named_left_out_and_used_again(kind: Any) -> None:
     drive = driven(9)
     drive.odometry[FIRST:LAST] *= 1.3
-    found = estimates(RangeEkf, drive)
+    found = estimates(kind, drive)
     assert sure_and_wrong(found, drive) == 0.0
-    assert any(each.status is not Status.OK for each in found[FIRST:LAST])
+    named = [np.flatnonzero(each.extra["left_out"]).tolist() for each in found]
+    assert named[LAST - 50] == [3]
+    assert sum(each not in ([], [3]) for each in named) < 30
+    assert "odometry" in found[LAST - 50].message
+    assert Status.LOST not in {each.status for each in found}
+    errors = np.array([np.hypot(*(each.x - x)[:2]) for each, x in zip(found, drive.x, strict=True)])
+    assert errors.max() < 0.2
+    assert named[-1] == []
+
+
+def test_a_ray_that_drifts_is_not_taken_for_wheels_that_slip() -> None:
+    for seed in range(3):
+        drive = driven(60 + seed)
+        drive.ranges[FIRST:LAST, seed] += 0.04 * PERIOD * np.arange(LAST - FIRST)
+        assert sure_and_wrong(estimates(FeasibleSetBank, drive, known=False), drive) == 0.0, seed
+
+
+def test_a_search_takes_a_share_of_each_update() -> None:
+    calls = [0]
+
+    class Counted(RangeEkf):
+        """A filter that counts the updates of all its copies."""
+
+        def update(self, *given: Any) -> Estimate:
+            calls[0] += 1
+            return super().update(*given)
+
+    drive, counts = driven(3), list[int]()
+    drive.ranges[FIRST:LAST, 0] += 0.1
+    mission = mn.RangingMission(
+        WALL, ANGLES, mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY), period=PERIOD,
+        start=mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)),
+    )  # fmt: skip
+    guard = guarded(partial(Counted, Counted.Config()), mission, cost=1e-3)
+    for k, (z, u) in enumerate(zip(drive.ranges[:LAST], drive.odometry, strict=False)):
+        t, calls[0] = PERIOD * (k + 1), 0
+        found = guard.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u)
+        counts.append(calls[0])
+    assert max(counts) == 1 + round(0.2 * PERIOD / 1e-3)
+    assert sum(counts) > 200 + LAST
+    assert found.extra["left_out"].tolist() == [1.0, 0.0, 0.0, 0.0]
+
+
+def test_of_particles_a_ray_at_fault_is_found_by_a_filter_that_stands_in() -> None:
+    plugin, drive = load("estimators", "range_particle"), driven(3)
+    drive.ranges[150:, 1] += 0.2
+    mission = mn.RangingMission(
+        WALL, ANGLES, mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY), period=PERIOD,
+        start=mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)),
+    )  # fmt: skip
+    estimator, extras = (
+        plugin.build(plugin.Config(min_particles=200, max_particles=400), mission),
+        set[tuple[str, ...]](),
+    )
+    for k, (z, u) in enumerate(zip(drive.ranges[:210], drive.odometry, strict=False)):
+        t = PERIOD * (k + 1)
+        found = estimator.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u)
+        extras.add(tuple(found.extra))
+    assert found.extra["left_out"].tolist() == [0.0, 1.0, 0.0, 0.0]
+    assert len(extras) == 1
+    assert np.hypot(*(found.x - drive.x[209])[:2]) < 0.06
 
 
 def test_the_same_readings_give_the_same_estimates_bit_for_bit() -> None:

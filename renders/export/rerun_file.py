@@ -58,7 +58,7 @@ class _Writer:
         self._out.set_log_tick_enabled(False)
 
     def write(self, path: Path) -> None:
-        self._out.save(str(path))
+        memory = self._out.memory_recording()  # its own writer to a file waits for ever once the disk is full
         self._out.send_recording_name(self._scene.title)
         self._write_scene()
         for channel in self._run.channels:
@@ -67,8 +67,7 @@ class _Writer:
             self._write_chart(chart)
         self._write_texts()
         self._out.send_blueprint(self._views())
-        self._out.flush()
-        self._out.disconnect()
+        path.write_bytes(memory.drain_as_bytes())
 
     # ---- scene
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from mathnavi.commands.cli import main
+from tests.little_room import little_room
 
 PACKAGES = {
     "rerun": ("rerun-sdk", "rerun", "--rerun", "a.rrd"),
@@ -62,3 +63,7 @@ def test_nothing_is_left_where_nothing_can_be_written(
         assert main(["export", str(runs / folder), flag, str(tmp_path / out)]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
         assert list(tmp_path.iterdir()) == []
+    with little_room(1000):  # as on a disk that is full
+        assert main(["export", str(runs / "numbers"), flag, str(tmp_path / f"a.{ending}")]) == 2
+    assert f"a.{ending}: " in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

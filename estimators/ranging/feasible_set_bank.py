@@ -16,8 +16,7 @@ less than twice that of all others together, the readings do not distinguish the
 ``INITIALISING``, and ``extra`` has all poses with their weights.
 
 **Noise, outliers and slip** need not be as declared: the bank estimates the scale of the ranges' noise and the share of
-outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs. The scale of the odometry is
-not known better than to 3 % at the start: an error of it moves the first estimates before an innovation can show it.
+outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs.
 
 **Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s
 or by more slip than wheels have: the robot was carried away, or no hypothesis was near the truth. Then new hypotheses
@@ -115,7 +114,6 @@ _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at mo
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
 _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
-_SCALE = 0.03  # least standard deviation of b at the start: a wheel's radius changes with its load, and it wears
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 
 
@@ -185,7 +183,6 @@ class FeasibleSetBank:
         self._slip_weight = SlipWeight()
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
-            self._bank.P[0, 3, 3] = max(self._bank.P[0, 3, 3], _SCALE**2)
             self._bank.score[0] = 0.0
 
     @staticmethod
@@ -301,7 +298,6 @@ class FeasibleSetBank:
                 values[last] = values[self._best]
             count = min(count, last)
         bank.x[:count], bank.P[:count] = states[:count], self._model.covariance(self._config.deviation)
-        bank.P[:count, 3, 3] = np.maximum(bank.P[:count, 3, 3], _SCALE**2)
         bank.mean[:count], bank.readings[:count] = 0.0, 0
         bank.misfit[:], bank.slip[:] = 1.0, slip
         bank.score[:count], bank.score[count:last] = 0.0, np.nan

@@ -484,10 +484,8 @@ def judged(estimates: Sequence[Estimate], truth: Array, found: Flags, *, persist
     none, no_level = np.full((3, 3), math.nan), np.full(2, math.nan)
     P = np.array([none if each.covariance is None else each.covariance for each in estimates])
     level = np.array([each.extra.get("protection", no_level) for each in estimates])
-    times, errors = (
-        PERIOD * np.arange(len(ok)),
-        np.column_stack([np.hypot(*difference.T[:2]), np.abs(difference[:, 2])]),
-    )
+    times: Array = PERIOD * np.arange(len(ok), dtype=np.float64)
+    errors = np.column_stack([np.hypot(*difference.T[:2]), np.abs(difference[:, 2])])
     wrong = sure_and_wrong(times, ok, difference, P).T
     beyond = [lasting(times, ok & each) for each in (errors > level).T]
     onset, end = round(ONSET / PERIOD), round((ONSET if persists else END) / PERIOD)

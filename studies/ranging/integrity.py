@@ -5,7 +5,7 @@ readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimat
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare.
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
-can be found (``integrity_detection``) nobody can know of it. Until then an estimate is judged by its protection level
+can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
 instead, ``extra["protection"]``.
 """
 

@@ -163,7 +163,14 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 @pytest.mark.parametrize(
     ("argv", "expected"),
     [
-        ("fly", ["COMMAND", "fly", "list, run, sweep, search, store, study, estimate, render, report, view, compare"]),
+        (
+            "fly",
+            [
+                "COMMAND",
+                "fly",
+                "list, run, sweep, search, store, study, estimate, render, report, view, export, compare",
+            ],
+        ),
         ("run", ["SCENARIO", "safe-flight"]),
         ("run hover", ["SCENARIO", "hover", "safe-flight"]),
         ("list planets", ["planets", "controllers", "terrains"]),

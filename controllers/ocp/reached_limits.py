@@ -1,4 +1,4 @@
-"""Which limits a solution is on, and multipliers that have the wrong sign for them."""
+"""Limits that a solution is on, and multipliers that have the wrong sign for them."""
 
 from __future__ import annotations
 

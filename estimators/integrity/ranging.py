@@ -66,7 +66,7 @@ class PoseWitness:
                 *(*left_out, min(round(ALERT / mission.period), thresholds.lengths[-1] // 2)),
             ]
         )
-        """what the kernels are told of the errors; see ``pose_kernels``"""
+        """errors for the kernels; see ``pose_kernels``"""
         self._soft_square = _SOFT_SQUARE / float(thresholds.energy[3])
         self._fixed = *model.wall, model.angles, self.constants, thresholds.lengths, thresholds.energy
         between = max(1, round(_BRANCHED / mission.period))

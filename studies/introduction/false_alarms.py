@@ -38,7 +38,7 @@ VELOCITY = (
 
 
 class Flown(NamedTuple):
-    """What is flown."""
+    """A scenario as it is flown, with one estimator."""
 
     scenario: str
     estimator: str
@@ -62,7 +62,7 @@ CASES = {
     **{f"attitude: {name}": Flown("attitude-tracking", name) for name in ("attitude_iekf", "riemannian_observer")},
     "textbook: textbook_ekf": Flown("textbook-observer", "textbook_ekf", {"noise": 0.01}),
 }
-"""by name"""
+"""scenarios with the estimators that fit them, by name"""
 
 
 @configuration

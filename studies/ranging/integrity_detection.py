@@ -1,4 +1,4 @@
-"""From when on a fault of a robot's sensors can be found: by the non-central chi-square of the monitor's windows.
+"""Time from which on a fault of a robot's sensors can be found: by the non-central chi-square of the monitor's windows.
 
 Readings without noise, with the fault, run through the filter of the declared model, an extended Kalman filter that
 knows the start. What its normalised innovations then are is the mean by which the fault shifts them; their sums over

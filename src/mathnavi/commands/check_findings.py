@@ -1,4 +1,4 @@
-"""What a check says of a model or a plug-in: what fits, and what is missing, each with the line to write."""
+"""Findings of a check of a model or a plug-in: what fits, and what is missing, each with the line to write."""
 
 from __future__ import annotations
 

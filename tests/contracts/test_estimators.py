@@ -58,10 +58,16 @@ PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimator
 
 @dataclass(frozen=True)
 class Truth:
-    """A ``mathnavi.interfaces.protocols.StateView``."""
+    """A ``mathnavi.interfaces.protocols.StateView``: what a sensor does to the state that it is given stays with it, for
+    all flights of a bench share one motion.
+    """
 
-    x: Array
+    state: Array
     acceleration: Array
+
+    @property
+    def x(self) -> Array:
+        return self.state.copy()
 
     def sensed(self, name: str) -> Array:
         raise ValueError(f"there is no sensor {name!r} here")
@@ -177,7 +183,7 @@ class Shown(Truth):
     y: Array
 
     def sensed(self, name: str) -> Array:
-        return self.y
+        return self.y.copy()
 
 
 def textbook_bench(name: str, silent: bool = False) -> Bench:

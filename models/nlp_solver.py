@@ -206,7 +206,7 @@ class _LocalSolver:
         )
 
 
-class _Iterates(ca.Callback):  # type: ignore[misc]
+class _Iterates(ca.Callback):
     """Function that IPOPT calls with each of its iterates; what it returns says whether IPOPT stops there."""
 
     def __init__(self, sizes: Mapping[str, int]) -> None:

@@ -108,6 +108,8 @@ class SolveCall:
 
     def iterated(self, cost: float, violation: float) -> bool:
         """Take note of an iterate; True if the solve has to end there."""
+        if self._report is None:
+            return self.stopped
         self._now = dataclasses.replace(self._now, iteration=self._now.iteration + 1, cost=cost, violation=violation)
         self._tell()
         return self.stopped

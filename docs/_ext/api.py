@@ -19,7 +19,8 @@ from mathnavi.interfaces.field_table import beside
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
-    "interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "commands", "scripting", "learning",
+    "interfaces", "models", "controllers", "estimators", "sim", "renders", "studies",
+    "commands", "scripting", "learning",
 )  # fmt: skip
 SOURCES = ROOT / "src" / "mathnavi"  # where each package is, or a link to it
 HEADING = {"index": "=", "module": "-"}

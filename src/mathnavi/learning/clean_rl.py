@@ -29,7 +29,7 @@ class CleanRlEnv(VectorWrapper):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode everywhere."""
         self._episodes.begin()
-        return self.env.reset(seed=seed, options=options)
+        return self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists too
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Hold an action in every row."""

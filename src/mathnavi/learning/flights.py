@@ -59,7 +59,7 @@ class VelocityFlights(ObservedVectorEnv):
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Begin episodes."""
-        self._last, info = self.env.reset(seed=seed, options=options)
+        self._last, info = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # lists too
         return self._observed(self._last), self._with_final(info)
 
     def step(self, actions: Array) -> tuple[Any, Any, Any, Any, dict[str, Any]]:

@@ -37,8 +37,8 @@ class StableBaselinesEnv(VecEnv):
 
     def reset(self) -> Any:
         """Begin an episode everywhere, from the seeds that ``seed`` has set."""
-        seeds = list(self._seeds)
-        observations, info = self.envs.reset(seed=None if all(seed is None for seed in seeds) else seeds)
+        seeds: Any = None if all(seed is None for seed in self._seeds) else list(self._seeds)
+        observations, info = self.envs.reset(seed=seeds)
         self._reset_seeds()
         self._episodes.begin()
         self.reset_infos = [of_row(info, i) for i in range(self.num_envs)]

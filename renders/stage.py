@@ -347,10 +347,11 @@ def nearness(renderer: Any, width: int, height: int) -> Array:
 
     Between two cameras of the same clipping planes [m] and fields of view the larger depth is the nearer one.
     """
-    depth = np.empty((height, width), np.float32)
+    depth: Any = np.empty((height, width), np.float32)
     # The context has no public name, and the renderer's public depth costs another drawing of the scene.
     mujoco.mjr_readPixels(None, depth, mujoco.MjrRect(0, 0, width, height), renderer._mjr_context)
-    return depth[::-1]
+    nearer: Array = depth[::-1]
+    return nearer
 
 
 def set_size(spec: Any, width: int, height: int, samples: int) -> None:

@@ -22,6 +22,7 @@ from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.reading.files import read_text
 from mathnavi.interfaces.reading.pictures import read_picture
 from mathnavi.renders import figures
+from mathnavi.sim.records.figure_definitions import definition
 from mathnavi.sim.records.figure_names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")
@@ -108,6 +109,14 @@ def tiles(values: Mapping[str, object]) -> Markup:
         f'<div class="card"><b>{text(value)}</b><span>{text(name)}</span></div>\n' for name, value in values.items()
     )
     return Markup(f'<div class="tiles">\n{"".join(boxes)}</div>\n')
+
+
+def term(key: str) -> Markup:
+    """Name of a figure of a summary, which opens what it means."""
+    name, meaning = text(label(key)[0]), definition(key)
+    if not meaning:
+        return name
+    return Markup(f'<details class="term"><summary>{name}</summary><p>{text(meaning)}</p></details>')
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Markup:

@@ -200,6 +200,10 @@ class _LocalSolver:
             self._evaluate()
         except RuntimeError as error:
             return ProcessReport(False, str(error).strip().splitlines()[-1], None)
+        except SystemError as error:  # CasADi looks for signals while it evaluates, and returns as if there were none
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise error.__cause__ from None
+            raise
         statistics = self._evaluate.stats()
         return ProcessReport(
             bool(statistics["success"]), str(statistics["return_status"]), int(statistics["iter_count"])

@@ -25,6 +25,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.progress import ProgressLine, SolveProgress
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.interfaces.errors import ProblemError
+from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.solver_process import cpu_time
 from tests.controllers.ocp.statements import growing_problem
 
@@ -120,6 +121,17 @@ def test_a_second_interruption_ends_at_once() -> None:
 
     with pytest.raises(KeyboardInterrupt):
         cart().solve(progress=at_first(lambda now: now.iteration == 3, twice))
+
+
+def test_an_interruption_within_casadi_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """CasADi sees the signal while it evaluates; CPython then says that a result has an exception set."""
+
+    def seen(self: BufferedFunction) -> None:
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr("mathnavi.models.nlp_solver.BufferedFunction.__call__", seen)
+    with pytest.raises(KeyboardInterrupt):
+        cart().solve(progress=False)
 
 
 def test_a_script_that_solves_again_and_again_ends_on_two_interruptions_within_a_second() -> None:

@@ -111,9 +111,10 @@ def tiles(values: Mapping[str, object]) -> Markup:
     return Markup(f'<div class="tiles">\n{"".join(boxes)}</div>\n')
 
 
-def term(key: str) -> Markup:
-    """Name of a figure of a summary, which opens what it means."""
-    name, meaning = text(label(key)[0]), definition(key)
+def term(key: str, *, unit: bool = False) -> Markup:
+    """Name of a figure of a summary, with its ``unit`` in brackets if there is one, which opens what it means."""
+    (shown, measure), meaning = label(key), definition(key)
+    name = text(f"{shown} [{measure}]" if unit and measure else shown)
     if not meaning:
         return name
     return Markup(f'<details class="term"><summary>{name}</summary><p>{text(meaning)}</p></details>')

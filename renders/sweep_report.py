@@ -149,7 +149,7 @@ def _medians(sweep: Sweep) -> list[Markup]:
     if not bands:
         return [page.paragraph("No figure of the summary differs from trial to trial.")]
     sizes = [len(group.records) for group in sweep.groups]
-    rows = {
+    rows: dict[str, list[str]] = {
         page.term(key, unit=True): [_band_text(band, size) for band, size in zip(row, sizes, strict=True)]
         for key, row in bands.items()
     }

@@ -18,7 +18,9 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import own_points
 def solved(problem: ProblemFunctions, tolerance: float) -> Trajectory | None:
     """Return the solution for a ``tolerance`` of its replay, whether it meets it or not; None if the solver failed."""
     unknown = dataclasses.replace(problem)  # the same problem as one that no cache has seen
-    solution = solve_by(unknown, None, "auto", None, guess=None, parameters=problem.nominal, tolerance=tolerance)
+    solution = solve_by(
+        unknown, None, "auto", None, guess=None, parameters=problem.nominal, tolerance=tolerance, progress=False
+    )
     if not solution.solved:
         return None
     points = tuple(np.array(own_points(solution.scheme, i)) for i in range(solution.nodes - 1))

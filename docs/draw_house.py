@@ -32,6 +32,7 @@ PURPOSE = {
     "mathnavi": "the public names",
     "scripting": "what `import mathnavi` declares",
     "commands": "the command line",
+    "learning": "adapters for learners",
     "studies": "tables and figures of the thesis",
     "renders": "videos, figures, reports",
     "sim.search": "worst missions and rare events",

@@ -8,10 +8,11 @@ results live in buffers. Every outcome of a call is a status.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import casadi as ca
 import numpy as np
@@ -40,6 +41,7 @@ class SolverOutcome(Enum):
     NO_FEASIBLE_POINT = "no feasible point was found from any start, which proves nothing"
     OVERDETERMINED = "there are more equations than unknowns"
     LIMIT = "the solver stopped at its limit of iterations or of time"
+    INTERRUPTED = "the call was interrupted, and this is the best that it had"
     NOT_FINITE = "the problem or its guess holds NaN or infinity"
     FAILED = "the solver gave up"
 
@@ -48,11 +50,13 @@ _REASONS = {  # return_status of IPOPT
     "Infeasible_Problem_Detected": SolverOutcome.NO_FEASIBLE_POINT,
     "Maximum_Iterations_Exceeded": SolverOutcome.LIMIT,
     "Maximum_CpuTime_Exceeded": SolverOutcome.LIMIT,
+    "User_Requested_Stop": SolverOutcome.INTERRUPTED,
     "Invalid_Number_Detected": SolverOutcome.NOT_FINITE,
     "Restoration_Failed": SolverOutcome.NO_FEASIBLE_POINT,
     "Diverging_Iterates": SolverOutcome.UNBOUNDED,
     "Not_Enough_Degrees_Of_Freedom": SolverOutcome.OVERDETERMINED,
 }
+_F, _G = 1, 2  # places of f and g among what an iterate is shown by
 IPOPT_WARM_START: Mapping[str, Any] = {
     "warm_start_init_point": "yes",
     "warm_start_bound_push": 1e-9,
@@ -104,14 +108,28 @@ class NlpReport:
     iterations: int | None  # None if it raised an exception or did not return
 
 
+class Watch(Protocol):
+    """Observer of a solve, which may stop it."""
+
+    def iterated(self, f: float, violation: float) -> bool:
+        """Take note of an iterate: f, and the largest violation of lbg <= g <= ubg. True stops the solve there."""
+        ...
+
+    @property
+    def stopped(self) -> bool:
+        """True if the solve has to end."""
+        ...
+
+
 class NlpSolver:
     """One of CasADi's NLP solvers with buffers for its arguments and results.
 
     ``functions`` are x, p, f and g, ``settings`` those of ``ipopt_settings`` or ``fatrop_settings`` and ``results`` the
     names of the outputs that are kept. ``seconds`` is the CPU time [s] after which a solve is ended: IPOPT checks it in
     every iteration, FATROP, which may not return from one, runs in a separate process (see ``solver_process``).
-    ``cache`` contains precomputed derivatives. ``compiled`` translates the functions to C once (seconds, kept
-    in the user's cache folder); otherwise they run in CasADi's virtual machine.
+    ``cache`` contains precomputed derivatives. A solver that is ``watched`` shows its iterates to the ``Watch`` of a
+    call; that costs IPOPT some time in each, and changes none of them. ``compiled`` translates the functions to C once
+    (seconds, kept in the user's cache folder); otherwise they run in CasADi's virtual machine.
 
     Raises FileNotFoundError if there is no C compiler named cc, and OSError if it fails.
     """
@@ -127,15 +145,20 @@ class NlpSolver:
         seconds: float,
         compiled: bool = False,
         cache: Mapping[str, Any] | None = None,
+        watched: bool = False,
     ) -> None:
         # CasADi would count equations in every call, and print a warning; what is one is the status OVERDETERMINED.
         options = {"print_time": False, "calc_lam_p": False, "inputs_check": False, **settings}
         if plugin == "ipopt":
             options["ipopt"] = {**options.get("ipopt", {}), "max_cpu_time": seconds}
         known = {} if cache is None else {"cache": cache}
-        function = ca.nlpsol(name, plugin, dict(functions), options | known)
+        self.watched, self._iterates = watched, None
+        if watched and plugin == "ipopt":
+            self._iterates = _Iterates({key: functions[key].numel() for key in ("x", "g", "p")})
+        seen = {} if self._iterates is None else {"iteration_callback": self._iterates}
+        function = ca.nlpsol(name, plugin, dict(functions), options | known | ({} if compiled else seen))
         if compiled:
-            function = ca.nlpsol(name, plugin, str(compiled_functions(function)), options)
+            function = ca.nlpsol(name, plugin, str(compiled_functions(function)), options | seen)
         self.inputs = {key: np.zeros(function.nnz_in(key)) for key in function.name_in()}
         every = {key: np.zeros(function.nnz_out(key)) for key in function.name_out()}
         self.outputs: dict[str, Array] = {key: every[key] for key in results}
@@ -147,11 +170,21 @@ class NlpSolver:
         else:
             self._solver = _LocalSolver(function, arguments, places)
 
-    def solve(self) -> NlpReport:
-        """Solve with the values in ``inputs``; the solution, or the last iterate, is in ``outputs`` afterwards."""
-        report = self._solver.solve(self._seconds)
+    def solve(self, watch: Watch | None = None) -> NlpReport:
+        """Solve with the values in ``inputs``; the solution, or the last iterate, is in ``outputs`` afterwards.
+
+        ``watch`` is for a solver that is watched. An exception that it raises ends the solve, and passes; so does a
+        KeyboardInterrupt. FATROP, which shows no iterates, is stopped by it all the same, and leaves no iterate.
+        """
+        if self._iterates is None:
+            report = self._solver.solve(self._seconds, watch if self.watched else None)
+        else:
+            with self._iterates.shown_to(watch, self.inputs):
+                report = self._solver.solve(self._seconds, None)
         if report.timed_out:
             return NlpReport(SolverOutcome.LIMIT, report.message, report.iterations)
+        if report.stopped:
+            return NlpReport(SolverOutcome.INTERRUPTED, report.message, report.iterations)
         outcome = SolverOutcome.CONVERGED if report.success else _REASONS.get(report.message, SolverOutcome.FAILED)
         return NlpReport(outcome, report.message, report.iterations)
 
@@ -162,12 +195,71 @@ class _LocalSolver:
     def __init__(self, function: ca.Function, arguments: Sequence[Array], results: Sequence[Array]) -> None:
         self._evaluate = BufferedFunction(function, arguments, results)
 
-    def solve(self, seconds: float) -> ProcessReport:
+    def solve(self, seconds: float, watch: Watch | None) -> ProcessReport:
         try:
             self._evaluate()
         except RuntimeError as error:
             return ProcessReport(False, str(error).strip().splitlines()[-1], None)
+        except SystemError as error:  # CasADi looks for signals while it evaluates, and returns as if there were none
+            if isinstance(error.__cause__, KeyboardInterrupt):
+                raise error.__cause__ from None
+            raise
         statistics = self._evaluate.stats()
         return ProcessReport(
             bool(statistics["success"]), str(statistics["return_status"]), int(statistics["iter_count"])
         )
+
+
+class _Iterates(ca.Callback):
+    """Function that IPOPT calls with each of its iterates; what it returns says whether IPOPT stops there."""
+
+    def __init__(self, sizes: Mapping[str, int]) -> None:
+        """Build the function of a programme of these numbers of unknowns "x", of rows "g" and of parameters "p"."""
+        ca.Callback.__init__(self)
+        self._sizes = {"f": 1} | {f"lam_{key}": size for key, size in sizes.items()} | dict(sizes)
+        self._watch: Watch | None = None
+        self._limits = np.empty(0), np.empty(0)
+        self._raised: BaseException | None = None
+        self.construct("iterates", {})
+
+    @contextmanager
+    def shown_to(self, watch: Watch | None, inputs: Mapping[str, Array]) -> Iterator[None]:
+        """Show the iterates of the solve within the block; what is raised meanwhile is raised at its end."""
+        self._watch, self._limits, self._raised = watch, (inputs["lbg"], inputs["ubg"]), None
+        try:
+            yield
+        finally:
+            self._watch = None
+        if self._raised is not None:
+            raise self._raised
+
+    # the names are CasADi's
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        return str(ca.nlpsol_out(i))
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
+        """Write 1 to the result to stop, else 0: an exception would be printed by CasADi, and lost."""
+        stop = False
+        try:
+            if self._watch is not None:
+                f, g = (np.frombuffer(arg[k]) if arg[k] is not None else np.empty(0) for k in (_F, _G))
+                lower, upper = self._limits
+                violation = float(np.maximum(lower - g, g - upper).max(initial=0.0))
+                stop = self._watch.iterated(float(f[0]), violation)
+        except BaseException as error:
+            self._raised, stop = error, True
+        np.frombuffer(res[0])[0] = float(stop)
+        return 0

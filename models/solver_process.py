@@ -18,9 +18,11 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -30,7 +32,8 @@ from mathnavi.models.buffered_function import BufferedFunction
 
 _LOAD, _SOLVE = 0, 1
 _HEADER = struct.Struct("<BQd")  # request, number of the solver, limit of CPU time [s]
-_REPLY = struct.Struct("<?qQ")  # success, iterations (-1 for an exception), length of the message
+_REPLY = struct.Struct("<?qdQ")  # success, iterations (-1 for an exception), CPU time [s], length of the message
+_POLLING = 0.05  # [s] between two looks at whether the solve has to end
 _NUMBERS = itertools.count(1)
 # -P and a path that the process sets by itself: no casadi.py of the current folder is taken for the library.
 _START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.models.solver_process import main; main()"
@@ -44,6 +47,16 @@ class ProcessReport:
     message: str
     iterations: int | None  # None where the solver raised an exception, or its process ended
     timed_out: bool = False
+    stopped: bool = False
+
+
+class Stop(Protocol):
+    """Request that a solve ends."""
+
+    @property
+    def stopped(self) -> bool:
+        """True if the solve has to end."""
+        ...
 
 
 class SolverProcess:
@@ -55,17 +68,22 @@ class SolverProcess:
         self._child: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._loaded: set[int] = set()
+        self.cpu_seconds = 0.0  # [s] CPU time of all solves so far
 
-    def solve(self, solver: RemoteSolver, seconds: float) -> ProcessReport:
-        """Solve with a solver's arguments within ``seconds`` of CPU time; its results are in its arrays afterwards."""
+    def solve(self, solver: RemoteSolver, seconds: float, stop: Stop | None = None) -> ProcessReport:
+        """Solve with a solver's arguments within ``seconds`` of CPU time; its results are in its arrays afterwards.
+
+        ``stop`` is asked meanwhile; where it says so the child is ended, and there is no result.
+        """
         with self._lock:
             if self._child is None or self._owner != os.getpid():
                 self._start()
             try:
-                return self._asked(solver, seconds)
+                return self._asked(solver, seconds, stop)
             except (EOFError, ConnectionError):
                 code = self._ended()
                 timed_out = code == -signal.SIGPROF
+                self.cpu_seconds += seconds if timed_out else 0.0
                 reason = f"did not return within {seconds:g} s of CPU time"
                 return ProcessReport(False, reason if timed_out else f"its process ended with {code}", None, timed_out)
             except BaseException:  # interrupted: the child's answer has no receiver
@@ -78,7 +96,7 @@ class SolverProcess:
             if self._child is not None and self._owner == os.getpid():
                 self._ended()
 
-    def _asked(self, solver: RemoteSolver, seconds: float) -> ProcessReport:
+    def _asked(self, solver: RemoteSolver, seconds: float, stop: Stop | None) -> ProcessReport:
         connection = self._connection
         assert connection is not None
         if solver.number not in self._loaded:
@@ -86,8 +104,15 @@ class SolverProcess:
             self._loaded.add(solver.number)
         arguments = b"".join(array.tobytes() for array in solver.arguments)
         connection.send_bytes(_HEADER.pack(_SOLVE, solver.number, seconds) + arguments)
+        began = time.perf_counter()
+        while stop is not None and not connection.poll(_POLLING):
+            if stop.stopped:
+                self._ended()
+                self.cpu_seconds += min(time.perf_counter() - began, seconds)
+                return ProcessReport(False, "was stopped", None, stopped=True)
         reply = connection.recv_bytes()
-        success, iterations, length = _REPLY.unpack_from(reply)
+        success, iterations, spent, length = _REPLY.unpack_from(reply)
+        self.cpu_seconds += spent
         start = _REPLY.size + length
         message = reply[_REPLY.size : start].decode()
         if iterations < 0:
@@ -126,6 +151,11 @@ PROCESS = SolverProcess()
 atexit.register(PROCESS.close)
 
 
+def cpu_time() -> float:
+    """CPU time [s] of this process and of the solves in its child process, since any fixed instant."""
+    return time.process_time() + PROCESS.cpu_seconds
+
+
 class RemoteSolver:
     """An NLP solver of CasADi that runs in the child process, with its arguments and results as arrays.
 
@@ -136,9 +166,9 @@ class RemoteSolver:
         self.function, self.arguments, self.results = function, tuple(arguments), tuple(results)
         self.number = next(_NUMBERS)
 
-    def solve(self, seconds: float) -> ProcessReport:
-        """Solve within ``seconds`` of CPU time."""
-        return PROCESS.solve(self, seconds)
+    def solve(self, seconds: float, stop: Stop | None = None) -> ProcessReport:
+        """Solve within ``seconds`` of CPU time, or until it has to ``stop``."""
+        return PROCESS.solve(self, seconds, stop)
 
 
 class _LoadedSolver:
@@ -154,17 +184,19 @@ class _LoadedSolver:
         values = np.frombuffer(arguments)
         for array in self._arguments:
             array[:], values = values[: len(array)], values[len(array) :]
+        began = time.process_time()
         signal.setitimer(signal.ITIMER_PROF, seconds)
         try:
             self._evaluate()
         except RuntimeError as error:  # FATROP's way to give up
             message = str(error).strip().splitlines()[-1].encode()
-            return _REPLY.pack(False, -1, len(message)) + message
+            return _REPLY.pack(False, -1, time.process_time() - began, len(message)) + message
         finally:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         statistics = self._evaluate.stats()
         message = str(statistics["return_status"]).encode()
-        head = _REPLY.pack(bool(statistics["success"]), int(statistics["iter_count"]), len(message)) + message
+        spent = time.process_time() - began
+        head = _REPLY.pack(bool(statistics["success"]), int(statistics["iter_count"]), spent, len(message)) + message
         return head + b"".join(array.tobytes() for array in self._results)
 
 

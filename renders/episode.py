@@ -10,12 +10,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.models.aerial.entity import airframe_pose
+from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.snapshots import Snapshots
 from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from mathnavi.sim.environments.pictures import FPS, Pixels
+from mathnavi.sim.scenarios.flight_learning import FlightTerms
 
 DPI = 100.0  # of a chart
 _DISTANCE = 9.0  # of the camera, in sizes of the vehicle
@@ -41,7 +44,7 @@ class EpisodePictures:
         if self._snapshots is None:
             self._snapshots = Snapshots(*self._size)
         _dress(episode, plant)
-        return self._snapshots.draw(plant.model, plant.data, _view(episode, plant))
+        return self._snapshots.draw(plant.model, plant.data, _view(episode, plant), _ground(episode))
 
     def show(self, episode: EpisodeRunner) -> None:
         """Show the present state in a window, MuJoCo's viewer if MuJoCo simulates the system."""
@@ -91,6 +94,15 @@ def _mujoco_plant(episode: EpisodeRunner) -> MujocoPlant | None:
     while not isinstance(plant, MujocoPlant) and hasattr(plant, "plant"):
         plant = plant.plant
     return plant if isinstance(plant, MujocoPlant) else None
+
+
+def _ground(episode: EpisodeRunner) -> HeightField | None:
+    """Return the ground of a flight; None for anything else."""
+    try:
+        terms = episode.terms
+    except ArgumentError:  # a scenario that nobody learns in
+        return None
+    return terms.ground if isinstance(terms, FlightTerms) else None
 
 
 def _dress(episode: EpisodeRunner, plant: MujocoPlant) -> None:

@@ -22,6 +22,7 @@ from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.reading.files import read_text
 from mathnavi.interfaces.reading.pictures import read_picture
 from mathnavi.renders import figures
+from mathnavi.sim.records.figure_definitions import definition
 from mathnavi.sim.records.figure_names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")
@@ -108,6 +109,15 @@ def tiles(values: Mapping[str, object]) -> Markup:
         f'<div class="card"><b>{text(value)}</b><span>{text(name)}</span></div>\n' for name, value in values.items()
     )
     return Markup(f'<div class="tiles">\n{"".join(boxes)}</div>\n')
+
+
+def term(key: str, *, unit: bool = False) -> Markup:
+    """Name of a figure of a summary, with its ``unit`` in brackets if there is one, which opens what it means."""
+    (shown, measure), meaning = label(key), definition(key)
+    name = text(f"{shown} [{measure}]" if unit and measure else shown)
+    if not meaning:
+        return name
+    return Markup(f'<details class="term"><summary>{name}</summary><p>{text(meaning)}</p></details>')
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Markup:

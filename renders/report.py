@@ -136,7 +136,7 @@ def summary_cards(summary: Mapping[str, Any]) -> Markup:
     shown["other"] = _own_figures(summary)
     return page.columns(
         {
-            name.capitalize(): page.table((), [(label(key)[0], quantity(key, summary[key])) for key in keys])
+            name.capitalize(): page.table((), [(page.term(key), quantity(key, summary[key])) for key in keys])
             for name, keys in shown.items()
             if keys
         }

@@ -180,12 +180,13 @@ class Stage:
             np.copyto(channel[horizon:], haze[k], where=empty[horizon:])
 
     def _empty(self) -> Array:
-        """(height, width) True where nothing was drawn: the depth, which MuJoCo counts towards the eye, is 0."""
-        depth = np.empty((self.height, self.width), np.float32)
-        # The context has no public name, and the renderer's public depth costs another drawing of the scene.
-        mujoco.mjr_readPixels(None, depth, mujoco.MjrRect(0, 0, self.width, self.height), self._renderer._mjr_context)
-        empty: Array = depth[::-1] == 0.0
+        """(height, width) True where nothing was drawn."""
+        empty: Array = self.nearness() == 0.0
         return empty
+
+    def nearness(self) -> Array:
+        """(height, width) depth of the picture drawn last, see ``nearness``."""
+        return nearness(self._renderer, self.width, self.height)
 
     # ---- where things are in the picture
 
@@ -339,6 +340,18 @@ class Stage:
         geom.category = mujoco.mjtCatBit.mjCAT_DECOR  # casts no shadow
         scene.ngeom += 1
         return geom
+
+
+def nearness(renderer: Any, width: int, height: int) -> Array:
+    """(height, width) depth of the picture that a renderer drew last: towards the eye, 0 where nothing was drawn.
+
+    Between two cameras of the same clipping planes [m] and fields of view the larger depth is the nearer one.
+    """
+    depth: Any = np.empty((height, width), np.float32)
+    # The context has no public name, and the renderer's public depth costs another drawing of the scene.
+    mujoco.mjr_readPixels(None, depth, mujoco.MjrRect(0, 0, width, height), renderer._mjr_context)
+    nearer: Array = depth[::-1]
+    return nearer
 
 
 def set_size(spec: Any, width: int, height: int, samples: int) -> None:

@@ -149,8 +149,8 @@ def _medians(sweep: Sweep) -> list[Markup]:
     if not bands:
         return [page.paragraph("No figure of the summary differs from trial to trial.")]
     sizes = [len(group.records) for group in sweep.groups]
-    rows = {
-        _named(key): [_band_text(band, size) for band, size in zip(row, sizes, strict=True)]
+    rows: dict[str, list[str]] = {
+        page.term(key, unit=True): [_band_text(band, size) for band, size in zip(row, sizes, strict=True)]
         for key, row in bands.items()
     }
     table = _by_group(
@@ -282,7 +282,7 @@ def _missions(sweep: Sweep, records: Sequence[Record], said: str) -> Markup:
         )
         for record in records
     ]
-    return page.table(("seed", *sweep.varied, label(said)[0], *(label(key)[0] for key in keys)), rows)
+    return page.table(("seed", *sweep.varied, label(said)[0], *(page.term(key) for key in keys)), rows)
 
 
 def _varied(sweep: Sweep, record: Record) -> list[str]:
@@ -303,7 +303,7 @@ def _more(records: Sequence[Record]) -> list[Markup]:
 
 def _times(sweep: Sweep) -> Markup:
     everything = TrialGroup("all", (), sweep.records)
-    rows = [(_named(key), _band_text(everything.band(key), len(sweep.records))) for key in sweep.timings]
+    rows = [(page.term(key, unit=True), _band_text(everything.band(key), len(sweep.records))) for key in sweep.timings]
     return page.card(
         page.table((), rows, "What depends on the machine and its load: medians with 95 % bootstrap bands.")
     )

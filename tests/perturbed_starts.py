@@ -34,16 +34,16 @@ def perturbed_starts(seed: int) -> Iterator[None]:
     """Move the start of every programme, whether CasADi's solvers or our sequential quadratic programming solve it."""
     from mathnavi.controllers.flight import as_printed
     from mathnavi.controllers.flight.sqp import CondensedSqp
-    from mathnavi.models.nlp_solver import NlpSolver
+    from mathnavi.models.nlp_solver import NlpSolver, Watch
 
     interior, condensed, printed = NlpSolver.solve, CondensedSqp.solve, as_printed.solve
 
-    def solve(solver: NlpSolver) -> Any:
+    def solve(solver: NlpSolver, watch: Watch | None = None) -> Any:
         start = solver.inputs["x0"]
         given = start.copy()
         start[:] = perturbed(given, seed)
         try:
-            return interior(solver)
+            return interior(solver, watch)
         finally:
             start[:] = given
 

@@ -18,7 +18,7 @@ from mathnavi.models import opengl
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("controllers", "estimators", "interfaces", "models", "renders", "sim", "studies")
-FRONT_DOOR = ("commands", "scripting")
+FRONT_DOOR = ("commands", "learning", "scripting")
 SOURCES = ROOT / "src" / "mathnavi"
 DATA = (".xml", ".css", ".html", ".js", ".json", ".png", ".md", ".typed", ".template")
 FLIGHT = ["safe-flight", "--terrain", "jacksboro", "--start", "3000", "4000", "900", "--target", "6000", "7000", "1000"]

@@ -38,7 +38,7 @@ def compare(names: Sequence[str], mesh: Mesh, console: Console, *, from_solve: b
 
 
 def _start(problem: Stated) -> Collocated:
-    return of_solution(problem.solve())
+    return of_solution(problem.solve(progress=False))
 
 
 def _compared(name: str, problem: Stated, mesh: Mesh, start: Collocated | None) -> tuple[list[str], bool]:

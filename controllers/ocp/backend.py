@@ -6,6 +6,7 @@ import dataclasses
 import os
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -13,6 +14,7 @@ import casadi as ca
 import numpy as np
 from annotated_types import Ge, Le
 
+from mathnavi.controllers.ocp.call import watch
 from mathnavi.controllers.ocp.nlp import Programme
 from mathnavi.controllers.ocp.scaling_rows import corrected, cost_scale
 from mathnavi.interfaces.bounds import Count, Positive, Probability, configuration
@@ -52,7 +54,7 @@ class Options:
     backend: Backend = "ipopt"
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
-    seconds: Positive = 600.0  # of CPU time, after which a call is ended, however many programmes it solves
+    seconds: Positive = 600.0  # of CPU time of a whole call, however many programmes it solves, within a quarter
     restarts: Annotated[int, Ge(0), Le(100)] = 12  # most other guesses, where a method finds no feasible point
     warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
     linear_solver: LinearSolver = "mumps"  # of IPOPT; all but MUMPS and SPRAL need an additional library
@@ -95,8 +97,8 @@ class NumericalSolver:
     def __init__(self, nlp: Programme, options: Options) -> None:
         """Build the solver, and compile its functions for the compiled back ends."""
         self._name, self._linear_solver = options.backend, options.linear_solver
-        self._solver = _solver(nlp, options)
-        self._in, self._out = self._solver.inputs, self._solver.outputs
+        self._build = partial(_solver, nlp, options)
+        self._take(self._build(watched=watch(1.0) is not None))
         self._bounds, self._row_scale = (nlp.x_lower, nlp.x_upper, nlp.lower, nlp.upper), nlp.row_scale
         self._layout, self._rows = nlp.layout, nlp.row_scale
 
@@ -142,6 +144,9 @@ class NumericalSolver:
             solve_ms=answer.solve_ms + again.solve_ms,
         )
 
+    def _take(self, solver: NlpSolver) -> None:
+        self._solver, self._in, self._out = solver, solver.inputs, solver.outputs
+
     def _cost_scale(self, unknowns: Array, known: Array) -> float:
         """Scale of J along a vector of unknowns, at equal shares of T."""
         layout, problem = self._layout, self._layout.problem
@@ -161,16 +166,18 @@ class NumericalSolver:
         scale: float,
     ) -> SolverAnswer:
         """The answer of one solve, of f over this scale."""
-        began, rows = time.perf_counter(), self._rows
+        began, rows, watching = time.perf_counter(), self._rows, watch(scale)
+        if watching is not None and not self._solver.watched:
+            self._take(self._build(watched=True))
         self._in["x0"][:], self._in["p"][:] = x_0, np.concatenate([known, [1.0 / scale], 1.0 / rows])
         x_lower, x_upper, lower, upper = bounds
         self._in["lbx"][:], self._in["ubx"][:] = x_lower, x_upper
         self._in["lbg"][:], self._in["ubg"][:] = lower / rows, upper / rows
         of_bounds, of_rows = (0.0, 0.0) if multipliers is None else multipliers
         self._in["lam_x0"][:], self._in["lam_g0"][:] = of_bounds / scale, of_rows * rows / scale
-        report = self._solver.solve()
+        report = self._solver.solve(watching)
         if report.iterations is None:
-            ended = report.outcome is SolverOutcome.LIMIT
+            ended = report.outcome in (SolverOutcome.LIMIT, SolverOutcome.INTERRUPTED)
             reason = f"{self._name} {report.message if ended else f'gave up: {_last_words(report.message)}'}"
             return self._failed(report.outcome, reason, x_0, began)
         if report.message == "Invalid_Option":
@@ -217,7 +224,7 @@ def _own(options: Options) -> dict[str, Any]:
     return own
 
 
-def _solver(nlp: Programme, options: Options) -> NlpSolver:
+def _solver(nlp: Programme, options: Options, *, watched: bool) -> NlpSolver:
     plugin: NlpPlugin = "ipopt" if options.backend.startswith("ipopt") else "fatrop"
     if plugin == "ipopt":
         more = {"honor_original_bounds": "yes"} | (_NEAR if options.warm else {}) | _own(options)
@@ -241,6 +248,7 @@ def _solver(nlp: Programme, options: Options) -> NlpSolver:
         seconds=options.seconds,
         compiled=options.backend.endswith("compiled"),
         cache=scaled.derivatives,
+        watched=watched,
     )
 
 

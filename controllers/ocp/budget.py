@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 
 from mathnavi.controllers.ocp.backend import Options
+from mathnavi.models.solver_process import cpu_time
 
 _PARTS = 64  # of the budget: a solver that is kept for other calls is built anew only for another number of parts
 
@@ -16,14 +16,14 @@ class Budget:
 
     def __init__(self, options: Options) -> None:
         """Begin to count."""
-        self._seconds, self._began = options.seconds, time.process_time()
+        self._seconds, self._began = options.seconds, cpu_time()
 
     @property
     def spent(self) -> bool:
         """True if nothing is left."""
-        return time.process_time() - self._began >= self._seconds
+        return cpu_time() - self._began >= self._seconds
 
     def left(self, options: Options) -> Options:
         """The options of the next solve, with the time [s] that is left; a sixty-fourth where nothing is."""
-        parts = math.ceil(_PARTS * (1.0 - (time.process_time() - self._began) / self._seconds))
+        parts = math.ceil(_PARTS * (1.0 - (cpu_time() - self._began) / self._seconds))
         return dataclasses.replace(options, seconds=self._seconds * max(1, parts) / _PARTS)

@@ -37,6 +37,7 @@ from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.phase_solutions import MultiPhaseSolution, phase_solution
 from mathnavi.controllers.ocp.problem import Numbers, OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.progress import Report
 from mathnavi.controllers.ocp.scaling import Scale, Scaling
 from mathnavi.controllers.ocp.scaling_rows import programme_scales
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
@@ -188,6 +189,7 @@ class MultiPhaseProblem:
         scheme: Scheme | str | None = None,
         verify: bool | None = None,
         starts: int | None = None,
+        progress: bool | Report | None = None,
     ) -> MultiPhaseSolution:
         """Solve all phases together, on nodes at the same fractions of their durations.
 
@@ -211,6 +213,7 @@ class MultiPhaseProblem:
             scheme=scheme,
             verify=verify,
             starts=starts,
+            progress=progress,
         )
         return self._unstacked(stacked)
 

@@ -40,6 +40,7 @@ from mathnavi.controllers.ocp.lowering import guesses_of
 from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, ProblemFunctions
+from mathnavi.controllers.ocp.progress import Report
 from mathnavi.controllers.ocp.scaling import Scale, Scaling
 from mathnavi.controllers.ocp.scaling_rows import programme_scales
 from mathnavi.controllers.ocp.solution import Solution
@@ -397,6 +398,7 @@ class OptimalControlProblem:
         replay: bool = True,
         verify: bool | None = None,
         starts: int | None = None,
+        progress: bool | Report | None = None,
     ) -> Solution:
         """Solve the problem by collocation, replay the solution through its own dynamics, and verify it.
 
@@ -435,11 +437,17 @@ class OptimalControlProblem:
                 by draws of a fixed seed, that are solved on a coarse mesh; the lowest is solved by the method, and the
                 message says what each found. None: 3 where the error of J is bounded, otherwise 1. The minimum that is
                 returned is a local one, lower than those of the other starts.
+            progress: None for a line on standard error, if that is a terminal, from the first second on: stage, method,
+                mesh, nodes, J, miss and time; False for none, True for the line wherever standard error goes. Or a
+                function that is called with a ``SolveProgress`` at every iterate and stage; where it returns True the
+                call ends, as on Ctrl-C. With ``replay=False`` there is neither.
 
         Returns:
             The solution; ``solution.ok`` says whether the problem is solved, ``status`` why not: CONVERGED where the
             programme is solved but its replay, or the error of J, is not within the tolerance; STATIONARY where it is
-            no minimum; UNBOUNDED where J falls without limit from it; the message has the figures. An adaptive
+            no minimum; UNBOUNDED where J falls without limit from it; the message has the figures. INTERRUPTED is the
+            best so far of a call that Ctrl-C ended, with its replay; a second Ctrl-C is a KeyboardInterrupt, and so is
+            the first one with ``replay=False``. A call ends when the CPU time ``options.seconds`` is spent. An adaptive
             solution that replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
 
         Raises:
@@ -463,6 +471,7 @@ class OptimalControlProblem:
             replay=replay,
             verify=verify,
             starts=starts,
+            progress=progress,
         )
 
     def functions(self) -> ProblemFunctions:

@@ -32,6 +32,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from mathnavi.controllers.ocp.call import check, kept
 from mathnavi.controllers.ocp.crossings import not_smooth
 from mathnavi.controllers.ocp.defects import Defects, defects
 from mathnavi.controllers.ocp.diagnosis import not_finite
@@ -177,7 +178,7 @@ def replayed(solution: Solution, tolerance: float = GIVEN_NODES, known: Defects 
     errors = None if known is None else np.abs(known.states).max(axis=1)
     if not math.isfinite(found.error) and (why := _not_finite(solution)):
         return dataclasses.replace(solution, status=SolverOutcome.NOT_FINITE, message=why)
-    return judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance)
+    return kept(judged(solution.with_replay(found, errors, 1e3 * (time.perf_counter() - began)), tolerance))
 
 
 def _not_finite(solution: Solution) -> str:
@@ -304,6 +305,7 @@ class _Rates:
         self._evaluate = BufferedFunction(function, (self._c, self._y, self._known), [self._out])
 
     def __call__(self, c: float, y: Array) -> Array:
+        check()
         self._c[0], self._y[:] = c, y
         self._evaluate()
         return self._out.copy()

@@ -184,7 +184,8 @@ class Solution:
     @property
     def solved(self) -> bool:
         """True if this is a solution of the transcribed programme, regardless of its accuracy."""
-        return self.status in (
+        interrupted = self.status is SolverOutcome.INTERRUPTED and self.replay is not None  # only what is solved flies
+        return interrupted or self.status in (
             SolverOutcome.OPTIMAL, SolverOutcome.CONVERGED, SolverOutcome.STATIONARY, SolverOutcome.REFUSED,
         )  # fmt: skip
 

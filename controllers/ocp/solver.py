@@ -17,6 +17,7 @@ import numpy as np
 from mathnavi.controllers.ocp.arcs import Arcs, placed, starts
 from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
+from mathnavi.controllers.ocp.call import CURRENT, check, kept
 from mathnavi.controllers.ocp.clocks import clocks_of, own_arcs
 from mathnavi.controllers.ocp.diagnosis import not_finite, unbounded
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
@@ -74,6 +75,7 @@ class Transcription:
         Raises ProblemError for FATROP with a scheme that is not explicit, for too few nodes for the distribution, and
         for several arcs of nodes that are unknowns.
         """
+        check()
         began = time.perf_counter()
         if options.backend.startswith("fatrop") and not scheme.explicit:
             raise ProblemError(
@@ -163,6 +165,8 @@ class Transcription:
             self._tie(bounds, arcs, where, x_0)
         elif self._clocks and isinstance(guess, Solution) and not self.scheme.shared:
             bounds = self._as_guessed(bounds, guess, where, x_0)
+        if (call := CURRENT.get()) is not None:
+            call.mesh(self.scheme.name, self.nodes)
         feasible_guess = isinstance(guess, Solution) and guess.solves(self.problem, p)
         near = guess.cost if isinstance(guess, Solution) and feasible_guess else None
         answer = self.solver.solve(x_0, known, bounds=bounds, plain_rows=plain_rows, cost=near)
@@ -176,6 +180,8 @@ class Transcription:
 
         solved = SolvedProgramme(programme, answer.x, known, bounds, answer.multipliers, found.grid, read)
         found = dataclasses.replace(found, solved_programme=solved)
+        if found.status is SolverOutcome.INTERRUPTED:
+            return kept(found)
         if answer.status is SolverOutcome.NO_FEASIBLE_POINT and arcs is None and explained:
             found = self._examined(found, answer, known)
         if found.status in _MAY_BE_INFEASIBLE and explained and not feasible_guess:
@@ -189,7 +195,7 @@ class Transcription:
             u, diverged = np.concatenate(list(found.u)), answer.status is SolverOutcome.UNBOUNDED
             if why := unbounded(self.problem, found.x, u, found.duration, diverged=diverged):
                 found = dataclasses.replace(found, status=SolverOutcome.UNBOUNDED, message=why)
-        return found
+        return kept(found)
 
     def _sibling(self, instant_nodes: tuple[int, ...]) -> Transcription:
         """The transcription that is this one with given times at other nodes."""

@@ -18,7 +18,10 @@ from sphinx.application import Sphinx
 from mathnavi.interfaces.field_table import beside
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("interfaces", "models", "controllers", "estimators", "sim", "renders", "studies", "commands", "scripting")
+PACKAGES = (
+    "interfaces", "models", "controllers", "estimators", "sim", "renders", "studies",
+    "commands", "scripting", "learning",
+)  # fmt: skip
 SOURCES = ROOT / "src" / "mathnavi"  # where each package is, or a link to it
 HEADING = {"index": "=", "module": "-"}
 Function = ast.FunctionDef | ast.AsyncFunctionDef

@@ -3,10 +3,9 @@
     pip install -e '.[learn]'        # a CPU build of PyTorch is enough
     python examples/learn/train_safe_flight.py --minutes 60 --out out/learn
 
-``mathnavi/SafeFlight-v1`` steps 256 missions at once, from starts all over the map to one target. What the policy is
-shown are the environment's observations, turned about the vertical so that the target lies ahead, and divided by
-scales; what it chooses is a velocity in the same directions, and a proportional controller accelerates towards it. PPO
-is Stable-Baselines3's, with its own network and losses.
+``mathnavi/SafeFlight-v1`` steps 256 missions at once, from starts all over the map to one target. ``mathnavi.learning``
+shows the policy features of order 1, with the target ahead, lets it choose a velocity, and makes of all missions a
+``VecEnv``. PPO is Stable-Baselines3's, with its own network and losses.
 
 Every few minutes the policy flies missions that it was not trained on. The folder gets ``curve.csv`` and ``curve.png``
 (shares of arrivals and contacts over time), ``policy.zip``, ``evaluation.json`` and ``flight.mp4``.
@@ -27,102 +26,18 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv
+
+from mathnavi.learning.flights import VelocityFlight, VelocityFlights
+from mathnavi.learning.stable_baselines import StableBaselinesEnv
+from mathnavi.learning.velocity import VelocityControl, features
 
 ENVIRONMENT = "mathnavi.sim.environments:mathnavi/SafeFlight-v1"
 TERRAIN, TARGET = "jacksboro", (13320.0, 11610.0, 642.0)  # [m] in a valley, 370 m below the hills around it
 SEPARATION = (0.15, 0.75)  # shares of the map's side between which the start is away from there
 TRAINED, TESTED = 0, 100_000  # first seeds of the missions flown in training, and of those to test
 DISCOUNT = 0.995
-FASTEST = np.array([220.0, 160.0, 100.0])  # [m/s] towards the target, to its left, up
-RESPONSE = 2.0  # [s] of the velocity's controller
+CONTROL = VelocityControl()
 OUTCOMES = ("arrived", "crashed", "off the map", "late")
-
-
-def features(observation: dict[str, np.ndarray]) -> np.ndarray:
-    """Return features (n, 46) of order 1 from the observations of n missions."""
-    velocity, target = turned(observation["velocity"], observation, -1.0), observation["target"]
-    distance = np.hypot(target[:, 0], target[:, 1])[:, np.newaxis]
-    needed = distance / np.maximum(observation["time_left"], 1.0)
-    heights = (
-        observation["clearance"],
-        observation["clearance_ahead"],
-        observation["horizon"].reshape(len(distance), -1),
-    )
-    return np.concatenate(
-        [
-            velocity / 100.0,
-            np.log1p(distance / 100.0) / 3.0,
-            np.tanh(distance / 500.0),
-            target[:, 2:] / 300.0,
-            np.tanh(target[:, 2:] / 50.0),
-            np.clip(needed / 100.0, 0.0, 3.0),
-            observation["time_left"] / 150.0,
-            *(np.arcsinh(height / 100.0) for height in heights),
-            observation["slope_ahead"],
-        ],
-        axis=1,
-    ).astype(np.float32)
-
-
-def accelerations(actions: np.ndarray, observation: dict[str, np.ndarray]) -> np.ndarray:
-    """Accelerations (n, 3) [m/s^2] towards the velocities that n actions (n, 3) in -1 to 1 choose."""
-    chosen = turned(FASTEST * actions.astype(float), observation, 1.0)
-    return (chosen - observation["velocity"]) / RESPONSE
-
-
-def turned(vectors: np.ndarray, observation: dict[str, np.ndarray], sign: float) -> np.ndarray:
-    """Vectors (n, 3) turned about the vertical by the bearing of the target, -1 into the frame in which it is ahead."""
-    angle = sign * np.arctan2(observation["target"][:, 1], observation["target"][:, 0])
-    c, s = np.cos(angle), np.sin(angle)
-    x, y, z = vectors.T
-    return np.stack([c * x - s * y, s * x + c * y, z], axis=1)
-
-
-class Missions(VecEnv):
-    """The missions as Stable-Baselines3 wants them."""
-
-    def __init__(self, envs: Any) -> None:
-        self.envs, self.outcomes = envs, []
-        self._observation, _ = envs.reset(seed=0)
-        size = features(self._observation).shape[1]
-        space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
-        super().__init__(envs.num_envs, space, gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32))
-
-    def reset(self) -> np.ndarray:
-        """Begin an episode everywhere."""
-        self._observation, _ = self.envs.reset()
-        return features(self._observation)
-
-    def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions for ``step_wait``."""
-        self._actions = actions
-
-    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Hold the actions."""
-        u = accelerations(self._actions, self._observation)
-        self._observation, rewards, ended, _, info = self.envs.step(u)
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(ended):
-            last = {name: value[np.newaxis] for name, value in info["final_obs"][i].items()}
-            infos[i] = {"terminal_observation": features(last)[0]}
-            self.outcomes.append(str(info["final_info"]["outcome"][i]))
-        return features(self._observation), rewards.astype(np.float32), ended, infos
-
-    def close(self) -> None:
-        self.envs.close()
-
-    def get_attr(self, name: str, indices: Any = None) -> list[Any]:
-        return [getattr(self.envs, name)] * self.num_envs
-
-    def set_attr(self, name: str, value: Any, indices: Any = None) -> None:
-        raise NotImplementedError
-
-    def env_method(self, name: str, *args: Any, indices: Any = None, **options: Any) -> list[Any]:
-        raise NotImplementedError
-
-    def env_is_wrapped(self, wrapper: Any, indices: Any = None) -> list[bool]:
-        return [False] * self.num_envs
 
 
 def made(count: int, seed: int, missions: int) -> Any:
@@ -136,8 +51,7 @@ def made(count: int, seed: int, missions: int) -> Any:
 def straight(observation: dict[str, np.ndarray]) -> np.ndarray:
     """Return actions (n, 3) straight to the target at 150 m/s, regardless of obstacles: the baseline of a policy."""
     offset = observation["target"]
-    ahead = 150.0 * turned(offset, observation, -1.0) / np.linalg.norm(offset, axis=1, keepdims=True)
-    return np.clip(ahead / FASTEST, -1.0, 1.0)
+    return CONTROL.actions(150.0 * offset / np.linalg.norm(offset, axis=1, keepdims=True), observation)
 
 
 def evaluated(act: Callable[[dict[str, np.ndarray]], np.ndarray], envs: Any) -> dict[str, float]:
@@ -147,7 +61,7 @@ def evaluated(act: Callable[[dict[str, np.ndarray]], np.ndarray], envs: Any) -> 
     fastest = np.zeros(envs.num_envs)
     while (outcomes == "").any():
         flying = outcomes == ""
-        observation, _, ended, _, info = envs.step(accelerations(act(observation), observation))
+        observation, _, ended, _, info = envs.step(CONTROL.accelerations(act(observation), observation))
         seen = np.where(ended, info["final_info"]["clearance"], info["clearance"]) if ended.any() else info["clearance"]
         lowest = np.where(flying, np.fmin(lowest, seen), lowest)
         speed = np.linalg.norm(observation["velocity"], axis=1)
@@ -175,10 +89,12 @@ class Watch(BaseCallback):
     def __init__(self, tests: Any, seconds: float, every: float) -> None:
         super().__init__()
         self.rows: list[dict[str, float]] = []
+        self.outcomes: list[str] = []
         self._tests, self._seconds, self._every = tests, seconds, every
         self._began, self._due = time.perf_counter(), 0.0
 
     def _on_step(self) -> bool:  # the method that Stable-Baselines3 tells its users to override
+        self.outcomes += [str(info["outcome"]) for info in self.locals["infos"] if "episode" in info]
         return time.perf_counter() - self._began < self._seconds
 
     def _on_rollout_end(self) -> None:  # the method that Stable-Baselines3 tells its users to override
@@ -186,8 +102,8 @@ class Watch(BaseCallback):
         if spent < self._due:
             return
         self._due = spent + self._every
-        outcomes = self.training_env.outcomes
-        recent = {f"training_{name}": float(np.mean([each == name for each in outcomes[-500:]])) for name in OUTCOMES}
+        last = np.array(self.outcomes[-500:], dtype=object)
+        recent = {f"training_{name}": float((last == name).mean()) if len(last) else 0.0 for name in OUTCOMES}
         row = {"minutes": spent / 60.0, "cpu_minutes": time.process_time() / 60.0, "steps": float(self.num_timesteps)}
         self.rows.append({**row, **evaluated(acting(self.model), self._tests), **recent})
         print({name: round(value, 3) for name, value in self.rows[-1].items()}, flush=True)
@@ -215,9 +131,12 @@ def write_video(policy: PPO, path: Path, seed: int) -> None:
     """Film a mission that was not trained on."""
     import av
 
-    env = gymnasium.make(
-        ENVIRONMENT, seed=seed, terrain=TERRAIN, target=TARGET, drawn_separation=SEPARATION,
-        discount=DISCOUNT, render_mode="rgb_array",
+    env = VelocityFlight(
+        gymnasium.make(
+            ENVIRONMENT, seed=seed, terrain=TERRAIN, target=TARGET, drawn_separation=SEPARATION, discount=DISCOUNT,
+            render_mode="rgb_array",
+        ),
+        CONTROL,
     )  # fmt: skip
     observation, _ = env.reset(seed=seed)
     with av.open(str(path), "w") as file:
@@ -225,8 +144,7 @@ def write_video(policy: PPO, path: Path, seed: int) -> None:
         stream.width, stream.height, stream.pix_fmt = 640, 480, "yuv420p"
         over = False
         while not over:
-            batch = {name: np.asarray(value)[np.newaxis] for name, value in observation.items()}
-            observation, _, over, _, _ = env.step(accelerations(acting(policy)(batch), batch)[0])
+            observation, _, over, _, _ = env.step(policy.predict(observation, deterministic=True)[0])
             file.mux(stream.encode(av.VideoFrame.from_ndarray(env.render(), format="rgb24")))
         file.mux(stream.encode())
     env.close()
@@ -246,7 +164,7 @@ def main() -> None:
     torch.set_num_threads(given.threads)
 
     began = time.perf_counter()
-    training = Missions(made(given.envs, TRAINED, given.envs))
+    training = StableBaselinesEnv(VelocityFlights(made(given.envs, TRAINED, given.envs), CONTROL))
     tests = made(given.tests, TESTED, given.tests)
     seconds = time.perf_counter() - began
     print(f"{given.envs} missions to train on and {given.tests} to test, made in {seconds:.0f} s", flush=True)

@@ -52,8 +52,20 @@ def ground_surfaces(terrain: HeightField) -> list[Surface]:
     ]  # fmt: skip
 
 
-def ground_model(terrain: HeightField, factors: Sequence[float], width: int, height: int, samples: int) -> Any:
-    """An ``mjSpec`` of the ground by factors of its heights, each a geom group, for pictures of a size in pixels."""
+def ground_model(
+    terrain: HeightField,
+    factors: Sequence[float],
+    width: int,
+    height: int,
+    samples: int,
+    nodes: int = NODES,
+    detail: int = DETAIL,
+) -> Any:
+    """An ``mjSpec`` of the ground by factors of its heights, each a geom group, for pictures of a size in pixels.
+
+    ``nodes`` are those along its longer side, ``detail`` the pixels that are painted for each one of its relief, unless
+    the pictures are small.
+    """
     spec = mujoco.MjSpec()
     side = max(terrain.width, terrain.depth)
     low, high = float(terrain.z.min()), float(terrain.z.max())
@@ -72,7 +84,7 @@ def ground_model(terrain: HeightField, factors: Sequence[float], width: int, hei
         castshadow=False,
     )
     add_sky(spec)
-    _add_ground(spec, terrain, factors, detail=DETAIL if height > SMALL else 1)
+    _add_ground(spec, terrain, factors, nodes, detail=detail if height > SMALL else 1)
     return spec
 
 
@@ -111,9 +123,9 @@ def floor_model(points: Array, floors: Sequence[Surface], width: int, height: in
     return spec
 
 
-def _add_ground(spec: Any, terrain: HeightField, factors: Sequence[float], detail: int) -> None:
+def _add_ground(spec: Any, terrain: HeightField, factors: Sequence[float], size: int, detail: int) -> None:
     low, high = float(terrain.z.min()), float(terrain.z.max())
-    nodes = resampled(terrain, NODES, order=1)
+    nodes = resampled(terrain, size, order=1)
     picture = roughened(relief(terrain, PIXELS), detail, contrast=0.05)
     # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
     texture = spec.add_texture(

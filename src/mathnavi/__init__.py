@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mathnavi.controllers.ocp.phases import MultiPhaseProblem
     from mathnavi.controllers.ocp.pontryagin import check_pontryagin
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
+    from mathnavi.controllers.ocp.progress import SolveProgress
     from mathnavi.controllers.ocp.saved_solution import load_solution
     from mathnavi.interfaces.errors import (
         ArgumentError,
@@ -114,6 +115,7 @@ _PLACES = {
     "MultiPhaseProblem": "controllers.ocp.phases",
     "Monitor": "controllers.ocp.monitors",
     "SolverOptions": "controllers.ocp.backend:Options",
+    "SolveProgress": "controllers.ocp.progress",
     "load_solution": "controllers.ocp.saved_solution",
     "check_pontryagin": "controllers.ocp.pontryagin",
     # terrain
@@ -186,6 +188,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "OptimalControlProblem",
     "MultiPhaseProblem",
     "Monitor",
+    "SolveProgress",
     "SolverOptions",
     "load_solution",
     "check_pontryagin",

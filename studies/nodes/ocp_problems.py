@@ -266,7 +266,7 @@ def _ratio(excess: float) -> str:
 
 def solved_by_name(name: str) -> dict[str, Any]:
     """A job: the row of a problem that is solved by its name without options."""
-    return automatic_row(name, OptimalControlProblem(name).solve())
+    return automatic_row(name, OptimalControlProblem(name).solve(progress=False))
 
 
 def automatic_row(name: str, solution: Solution) -> dict[str, Any]:

@@ -130,7 +130,7 @@ def miss_in_one_piece(replay: ReplayResult) -> float:
 def solved(problem: OptimalControlProblem | MultiPhaseProblem) -> dict[str, Any]:
     """Return the figures of plain ``solve()``; an exception is a status too."""
     try:
-        found: Solution | MultiPhaseSolution = problem.solve()
+        found: Solution | MultiPhaseSolution = problem.solve(progress=False)
     except Exception as error:  # what ends one problem is a row of a table of many
         reason = f"{type(error).__name__}: {error}".partition("\n")[0]
         return {"status": FAILED, "message": reason, **no_figures()}

@@ -12,11 +12,14 @@ import pytest
 
 from mathnavi.models.opengl import NoOpenGLError, environment
 from mathnavi.renders import snapshots
+from mathnavi.renders.episode import _dress
 from mathnavi.renders.snapshots import Snapshots
 from mathnavi.renders.stage import View
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.environments.gym import LearningEnv, ScenarioEnv
+from mathnavi.sim.scenarios.flight_learning import FlightTerms
 from tests.renders.drawn import needs_opengl
+from tests.sim.environments import missions
 
 DRAWN = """
 import numpy as np
@@ -68,6 +71,37 @@ def test_the_process_that_draws_sees_what_mujoco_would_draw_here(scenario: str) 
     finally:
         begun.close()
         here.close()
+
+
+@needs_opengl
+def test_a_flight_is_drawn_before_and_behind_the_ground_of_videos_under_their_sky() -> None:
+    """The same camera sees a vehicle above the ground, and none when it is below."""
+    place = np.array([6000.0, 6000.0, 1200.0])
+    env = LearningEnv(
+        "safe-flight", 1, hold=0.1, terrain=missions.hills(), start=tuple(place), drawn_separation=(0.2, 0.6)
+    )
+    env.reset(seed=1)
+    plant, terms, view = env.episode.present_plant, env.episode.terms, View(place, 36.0, 35.0, -10.0)
+    assert isinstance(plant, MujocoPlant)
+    assert isinstance(terms, FlightTerms)
+    _dress(env.episode, plant)
+    begun = Snapshots(160, 120)
+    try:
+        plain = begun.draw(plant.model, plant.data, view).astype(int)
+        above = begun.draw(plant.model, plant.data, view, terms.ground).astype(int)
+        plant.data.qpos[2] -= 2000.0
+        plant.data.mocap_pos[:, 2] -= 2000.0
+        below = begun.draw(plant.model, plant.data, view, terms.ground).astype(int)
+    finally:
+        begun.close()
+    assert plain[2].max() < 60  # the physics has no sky
+    assert above[2, :, 2].min() > 150
+    assert (above[2, :, 2] > above[2, :, 0]).all()
+    assert np.abs(above[-20:, :, 0] - above[-20:, :, 2]).mean() > 10.0  # the ground is not grey
+    rows, columns = np.nonzero(np.abs(above - below).sum(axis=2) > 30)
+    assert 50 < len(rows) < 8000
+    assert np.ptp(rows) < 60
+    assert abs(columns.mean() - 80.0) < 20.0
 
 
 @needs_opengl

@@ -25,6 +25,7 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import linprog
 
+from mathnavi.controllers.ocp.call import check
 from mathnavi.controllers.ocp.feasibility.intervals import enclosed, point
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
@@ -242,6 +243,7 @@ class _Affine:
 
         at_end = self._values(t_1)
         for k in range(steps):
+            check()
             t = t_1 - k * h
             middle, at_start = self._values(t - 0.5 * h), self._values(t - h)
             first = slopes(at_end, lam)

@@ -9,6 +9,7 @@ weigh most, then the start, the path and the end. Of a programme that is not con
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.call import watch
 from mathnavi.controllers.ocp.feasibility.labels import bound_labels, row_labels
 from mathnavi.controllers.ocp.nlp import Programme
 from mathnavi.interfaces.signals import Array
@@ -55,7 +57,7 @@ def contradiction(nlp: Programme, x_0: Array, known: Array) -> Contradiction | N
     given["lbg"][:], given["ubg"][:] = nlp.lower, nlp.upper
     given["lbx"][:], given["ubx"][:] = 0.0, np.inf
     given["lbx"][:n], given["ubx"][:n] = nlp.x_lower, nlp.x_upper
-    if solver.solve().outcome is not SolverOutcome.CONVERGED:
+    if solver.solve(watch(math.nan)).outcome is not SolverOutcome.CONVERGED:
         return None
     x, rows, bounds = (solver.outputs[name] for name in ("x", "lam_g", "lam_x"))
     violation = x[n : n + m] - x[n + m :]
@@ -93,6 +95,7 @@ def _elastic(nlp: Programme, weights: Array) -> NlpSolver:
         "elastic", "ipopt", {"x": every, "p": nlp.p, "f": f, "g": g},
         {"show_eval_warnings": False, **ipopt_settings(1e-8, _ITERATIONS, {})},
         ("x", "lam_g", "lam_x"), seconds=_SECONDS, cache={each.name(): each for each in cache},
+        watched=watch(math.nan) is not None,
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.controllers.ocp.call import check
 from mathnavi.controllers.ocp.feasibility.intervals import enclosed, point, whole
 from mathnavi.controllers.ocp.feasibility.labels import limited, with_place
 from mathnavi.controllers.ocp.problem_functions import DURATION_LIMITS, Interval, ProblemFunctions
@@ -209,6 +210,7 @@ def _tube(problem: ProblemFunctions, p: Array) -> _Tube:
     at, between, rates = [box], list[Interval](), Interval(np.zeros(nx), np.zeros(nx))
     with np.errstate(all="ignore"):
         for k in range(_STEPS):
+            check()
             t = Interval(np.full((1, 2 * nx), k * step), np.full((1, 2 * nx), (k + 1) * step))
             for tried in range(_PICARD):
                 way = _grown(box, rates, step, room=_ROOM if tried < _PICARD - 1 else np.inf, bounds=bounds)

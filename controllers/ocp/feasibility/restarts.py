@@ -15,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.feasibility.starts import starts
 from mathnavi.controllers.ocp.grid import on_breaks, uniform
@@ -79,8 +80,9 @@ def with_restarts(
             options, backend="ipopt", warm=False, log=None, seconds=min(budget.left(options).seconds, _SECONDS),
             iterations=min(options.iterations, _ITERATIONS),
         )  # fmt: skip
-        made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
-        found = made.solve(start, grid, parameters, explained=not words)
+        with at(f"restart {tried + 1}, {what}", "coarse mesh"):
+            made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
+            found = made.solve(start, grid, parameters, explained=not words)
         tried, timing = tried + 1, timing + found.timing
         if found.status in (SolverOutcome.INFEASIBLE, SolverOutcome.UNBOUNDED):
             return dataclasses.replace(found, method=failed.method, timing=timing)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.methods.adaptation import redistribute, solve
 from mathnavi.controllers.ocp.methods.crossing_nodes import solved_at_crossings
@@ -130,7 +131,8 @@ class _Attempts:
     def tried(self, name: str, attempt: Callable[[Options], Solution], options: Options) -> Solution | None:
         """The solution of an attempt with what is left of the time; None where it ended in an error."""
         try:
-            self._found.append(attempt(self._budget.left(options)))
+            with at(method=name):
+                self._found.append(attempt(self._budget.left(options)))
         except _ERRORS as error:
             self._failed[name] = error
             return None

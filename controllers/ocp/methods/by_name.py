@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 from typing import Any, Literal, get_args
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.distribution import Equidistributed
 from mathnavi.controllers.ocp.feasibility.restarts import sampled, with_restarts
 from mathnavi.controllers.ocp.grid import check_breaks, check_nodes
+from mathnavi.controllers.ocp.interruption import ending_early
 from mathnavi.controllers.ocp.methods.adaptation import REFINED, distribute, redistribute, refine, solve
 from mathnavi.controllers.ocp.methods.automatic import automatic, by_hp
 from mathnavi.controllers.ocp.methods.hp import MOST_NODES, OPTIONS, TOLERANCE, hp
 from mathnavi.controllers.ocp.methods.schemes import chosen_scheme
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
+from mathnavi.controllers.ocp.progress import Report, report_of
 from mathnavi.controllers.ocp.replay import GIVEN_NODES
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
@@ -56,6 +58,7 @@ def solve_by(
     replay: bool = True,
     verify: bool | None = None,
     starts: int | None = None,
+    progress: bool | Report | None = None,
 ) -> Solution:
     """Solve a problem by one of the methods: "hp" by Radau collocation, the others by Hermite-Simpson's; and verify it.
 
@@ -79,6 +82,7 @@ def solve_by(
             the bound with every method but "direct" (and "auto" on a given number of nodes).
         starts: number of guesses that the problem is solved from; None for ``STARTS`` where the error of J is bounded,
             else one.
+        progress: what is called with the progress (see ``progress.report_of``).
 
     Returns:
         The solution with its replay. Failure is in its status, and so is an adaptive grid that the gate refused. It is
@@ -96,11 +100,17 @@ def solve_by(
         raise ProblemError(f"method = {method!r}; {allowed_for(str(method), get_args(Method))}")
     if starts is not None and (isinstance(starts, bool) or not isinstance(starts, int) or starts < 1):
         raise ProblemError(f"starts = {starts!r}; allowed: a whole number >= 1")
-    budget = Budget(DEFAULT if options is None else options)
+    first = DEFAULT if options is None else options
+    report, budget = report_of(progress, printed=first.print_level > 0), Budget(first)
     at_crossings = verify is not False
-    chosen = partial(
-        _by_method, problem, nodes, method, monitor, parameters, tolerance, options, scheme, budget, at_crossings
-    )
+
+    def chosen(guess: Solution | None, *, replay: bool = True) -> Solution:
+        with at(method=method):
+            return _by_method(
+                problem, nodes, method, monitor, parameters, tolerance, options, scheme, budget, at_crossings, guess,
+                replay=replay,
+            )  # fmt: skip
+
     if not replay:
         if starts is not None and starts > 1:
             raise ProblemError(f"starts = {starts} with replay = False; allowed: replay = True, by which they compare")
@@ -110,24 +120,27 @@ def solve_by(
     fine = nodes is None or method == "hp"
     within = tolerance if tolerance is not None else TOLERANCE if fine else GIVEN_NODES
     given_mesh = nodes is not None or monitor is not None or scheme is not None
-    first = DEFAULT if options is None else options
-    found = with_restarts(problem, chosen, guess, parameters, within, first, budget, given_mesh=given_mesh)
-    if found.surface_nodes:  # judged with nodes that move with the surfaces
-        return dataclasses.replace(found, solved_programme=None)
-    adaptive = method == "hp" or (method == "auto" and not given_mesh and found.method == "hp")
 
     def again(start: Solution, limited: Options | None) -> Solution:
         own = budget.left(limited or options or OPTIONS)
-        better = hp(problem, nodes or MOST_NODES, tolerance=within, guess=start, parameters=parameters, options=own)
+        with at(method="hp"):
+            better = hp(problem, nodes or MOST_NODES, tolerance=within, guess=start, parameters=parameters, options=own)
         return by_hp(better) if method == "auto" else better
 
-    bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
-    count = (STARTS if bounded else 1) if starts is None else starts
-    own = problem.guess if guess is None else sampled(guess)
-    others = OtherStarts(count - 1, own, (lambda start: again(start, None)) if adaptive else chosen)
-    return verified(
-        found, again if adaptive else None, options, budget, bounded=bounded, others=others if count > 1 else None
-    )
+    def solved() -> Solution:
+        found = with_restarts(problem, chosen, guess, parameters, within, first, budget, given_mesh=given_mesh)
+        if found.surface_nodes:  # judged with nodes that move with the surfaces
+            return dataclasses.replace(found, solved_programme=None)
+        adaptive = method == "hp" or (method == "auto" and not given_mesh and found.method == "hp")
+        bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
+        count = (STARTS if bounded else 1) if starts is None else starts
+        own = problem.guess if guess is None else sampled(guess)
+        others = OtherStarts(count - 1, own, (lambda start: again(start, None)) if adaptive else chosen)
+        return verified(
+            found, again if adaptive else None, options, budget, bounded=bounded, others=others if count > 1 else None
+        )
+
+    return ending_early(solved, problem, parameters, within, first.seconds, report)
 
 
 def _by_method(

@@ -10,6 +10,7 @@ import dataclasses
 import math
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.crossing_phases import parts_at
 from mathnavi.controllers.ocp.crossings import crossings
 from mathnavi.controllers.ocp.methods.hp import OPTIONS, hp
@@ -46,7 +47,8 @@ def solved_at_crossings(
         parts = parts_at(current)
         if isinstance(parts, str):
             return _without(first, current, parts)
-        found = hp(parts.stacked, tolerance=tolerance, parameters=parameters, options=budget.left(options))
+        with at("nodes at the crossings"):
+            found = hp(parts.stacked, tolerance=tolerance, parameters=parameters, options=budget.left(options))
         timing += found.timing
         if not found.solved:
             return _without(first, current, f"with a node at each crossing it is not solved: {found.message}")

@@ -19,6 +19,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.arcs import Arcs
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.clocks import clocks_of, without_vanished
 from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
@@ -189,7 +190,8 @@ def hp(
             following = _Plan(mesh, seen, rho, plan.every)
         if budget.spent:
             break
-        found, following, smooth_start = _next(problem, following, current, errors, parameters, budget, options)
+        with at(method=f"hp, round {number + 2}"):
+            found, following, smooth_start = _next(problem, following, current, errors, parameters, budget, options)
         failures += int(not smooth_start)
         current = dataclasses.replace(current, timing=current.timing + found.timing)
         if not found.solved or failures > 1:

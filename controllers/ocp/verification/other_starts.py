@@ -20,6 +20,7 @@ from itertools import islice
 import numpy as np
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.feasibility.starts import starts
 from mathnavi.controllers.ocp.grid import on_breaks, uniform
 from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory
@@ -84,15 +85,17 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
         options, tolerance=_TOLERANCE, backend="ipopt", warm=False, log=None,
         seconds=min(budget.left(options).seconds, _SECONDS), iterations=min(options.iterations, _ITERATIONS),
     )  # fmt: skip
-    made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
-    known = made.solve(solution, grid, p, explained=False)
+    with at("other starts", "coarse mesh"):
+        made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
+        known = made.solve(solution, grid, p, explained=False)
     if not known.solved:  # on this mesh: nothing to compare with
         return Minima(None, None, (), (), others.count)
     found, failed = [known], 0
     for start in islice(_guesses(solution, others), others.count):
         if budget.spent:
             break
-        other = made.solve(start, grid, p, explained=False)
+        with at(f"other start {len(found) + failed}", "coarse mesh"):
+            other = made.solve(start, grid, p, explained=False)
         found += [other] if other.solved else []
         failed += int(not other.solved)
     groups = _groups(found, _LOWER * size)
@@ -101,7 +104,8 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
     for each in lower:
         if budget.spent:
             break
-        better = others.method(each)
+        with at("a lower minimum from another start"):
+            better = others.method(each)
         if better.ok and better.cost < solution.cost - solution.tolerance * size:
             chosen = better
             break

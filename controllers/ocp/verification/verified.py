@@ -21,6 +21,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mathnavi.controllers.ocp.budget import Budget
+from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, transcription
 from mathnavi.controllers.ocp.structure import linear_controls
@@ -82,12 +83,14 @@ def verified(
     if solution.status is not SolverOutcome.OPTIMAL:
         message = "; ".join(filter(None, (solution.message, words)))
         return dataclasses.replace(solution, message=message, timing=timing, solved_programme=None)
-    run = _Verification(solution, again, limited, budget, reason)
-    if looked is not None:
-        run.know(lower_elsewhere=looked.unconfirmed)
-    run.leave_saddles()
+    with at("second-order condition"):
+        run = _Verification(solution, again, limited, budget, reason)
+        if looked is not None:
+            run.know(lower_elsewhere=looked.unconfirmed)
+        run.leave_saddles()
     if bounded and not run.settled:
-        run.bound()
+        with at("finer meshes"):
+            run.bound()
     found, known = run.solution, run.evidence
     status, added = judge(known)
     kept = "" if status is SolverOutcome.UNBOUNDED else found.message

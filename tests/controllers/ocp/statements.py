@@ -71,6 +71,11 @@ def race_car() -> OptimalControlProblem:
 
 
 def growing(guess: float) -> ProblemFunctions:
+    """``growing_problem`` as functions."""
+    return growing_problem(guess).functions()
+
+
+def growing_problem(guess: float) -> OptimalControlProblem:
     """x' = e^x + u from 0 to 1 in 1 s; at a guess of 5 FATROP 1.1 raises its regularisation without end."""
     ocp = OptimalControlProblem("growing")
     x, u = ocp.state("x", guess=(guess,)), ocp.control("u", lower=-1.0, upper=1.0)
@@ -79,4 +84,4 @@ def growing(guess: float) -> ProblemFunctions:
     ocp.dynamics(x, ca.exp(x) + u)
     ocp.start(x, 0.0)
     ocp.end(x, 1.0)
-    return ocp.functions()
+    return ocp

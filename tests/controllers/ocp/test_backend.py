@@ -112,10 +112,13 @@ def test_a_solve_that_does_not_return_is_ended_and_the_next_one_is_as_ever() -> 
     good = transcription(growing(0.0), MultipleShooting(1), 6, options=options)
     before = good.solve()
     assert before.solved
+    spent = PROCESS.cpu_seconds
     lost = transcription(growing(5.0), MultipleShooting(1), 6, options=options).solve()
     assert lost.status is SolverOutcome.LIMIT
     assert lost.message == "fatrop did not return within 0.1 s of CPU time"
+    assert PROCESS.cpu_seconds == pytest.approx(spent + 0.1)
     after = good.solve()
+    assert spent + 0.1 < PROCESS.cpu_seconds < spent + 0.2
     np.testing.assert_array_equal(after.x, before.x)
     assert (after.iterations, after.message) == (before.iterations, before.message)
 

@@ -15,7 +15,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
-from mathnavi.models.nlp_solver import NlpReport, NlpSolver
+from mathnavi.models.nlp_solver import NlpReport, NlpSolver, Watch
 from tests.controllers.ocp.statements import double_integrator, integrator
 
 ROUNDING = math.sin(math.pi)  # 1.2e-16
@@ -214,9 +214,9 @@ def test_a_solution_on_another_mesh_says_how_large_the_cost_is(monkeypatch: pyte
     solves: list[NlpSolver] = []
     own = NlpSolver.solve
 
-    def counted(self: NlpSolver) -> NlpReport:
+    def counted(self: NlpSolver, watch: Watch | None = None) -> NlpReport:
         solves.append(self)
-        return own(self)
+        return own(self, watch)
 
     monkeypatch.setattr(NlpSolver, "solve", counted)
     ocp, x, v, u = double_integrator(limit=1e4)

@@ -47,7 +47,7 @@ class ExportedRun:
 def read_run(folder: Path) -> ExportedRun:
     """Read the run in a folder; errors as of ``mathnavi.renders.web.scene.read_scene``."""
     scene, run = read_scene(folder), load_run(folder)
-    channels = channels_of(run.vehicles, run.states, read_activation_names(folder))
+    channels = channels_of(run.vehicles, run.signals, read_activation_names(folder))
     documents = {name: read_text(folder / name, RunFolderError) for name in DOCUMENTS}
     return ExportedRun(scene, channels, run.events, run.config, documents)
 

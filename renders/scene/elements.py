@@ -216,6 +216,7 @@ class Series:
     y: Array  # (n,)
     step: bool = False
     dashed: bool = False
+    band: Array | None = None  # (n,) half the height of the band about it
 
 
 @dataclass(frozen=True, eq=False)

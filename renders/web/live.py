@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signal_names import name_and_unit
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.terrain.height_field import HeightField
@@ -22,7 +23,7 @@ from mathnavi.renders.framing import Box
 from mathnavi.renders.palette import COLOURS, SceneElement, vehicle_colour
 from mathnavi.renders.scene.bodies import body_surfaces, model_shapes
 from mathnavi.renders.scene.cameras import framing_camera
-from mathnavi.renders.scene.charts import ESTIMATE, TRUTH, named
+from mathnavi.renders.scene.charts import ESTIMATE, TRUTH
 from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene, Series
 from mathnavi.renders.scene.landscape import airframe, map_cameras, plan_pieces, radar_domes
 from mathnavi.sim.engine.faults import Disturbed
@@ -217,7 +218,7 @@ class LiveScene:
         charts: list[Chart] = []
         values: list[Callable[[Loop], list[float | None]]] = []
         for k, words in enumerate(self._plant.state_names(names[0])[:MOST_STATES]):
-            title, unit = named(words)
+            title, unit = name_and_unit(words)
             if len(names) > 1:
                 curves = [(name, vehicle_colour(number)) for number, name in enumerate(names)]
             else:

@@ -5,8 +5,9 @@
 | ``t`` | (n,) [s], increasing |
 | ``truth.x``, ``command.u``, ``measurement.NAME`` | (n, any) |
 | ``truth.activation`` | (n, any), where actuators have states of their own |
+| ``truth.estimands`` | (n, any), where the scenario declares what there is to estimate |
 | ``cramer_rao.deviation`` | (n, any) |
-| ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...) |
+| ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...), ``deviation`` one of the names |
 | ``plan.offsets`` | (p + 1,) from 0 to b: index of the breakpoint at which each plan begins |
 | ``plan.t``, ``plan.x``, ``plan.u``, ``plan.phase`` | (b,) [s], (b, any), (b, any), (b,) |
 | ``plan.adopted``, ``plan.cost`` | (p,) [s], (p,) |
@@ -23,9 +24,10 @@ import numpy as np
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array
+from mathnavi.sim.engine.log import DEVIATION as DEVIATION
 
 TIME, TRUTH, COMMAND = "t", "truth.x", "command.u"
-ACTIVATION = "truth.activation"
+ACTIVATION, ESTIMANDS = "truth.activation", "truth.estimands"
 CRAMER_RAO = "cramer_rao.deviation"
 SAMPLED, ESTIMATED, PLANNED = "measurement.", "estimate.", "plan."
 _PLANS = {"t": 1, "x": 2, "u": 2, "phase": 1}  # dimensions of the arrays that have a row for each breakpoint
@@ -50,7 +52,7 @@ def check_arrays(arrays: Mapping[str, Array], path: Path, prefix: str = "") -> N
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise RunFolderError(f"{str(path)!r}: t is not finite and increasing")
     for name, rows in arrays.items():
-        if (name.startswith(SAMPLED) or name in (ACTIVATION, CRAMER_RAO)) and not (
+        if (name.startswith(SAMPLED) or name in (ACTIVATION, ESTIMANDS, CRAMER_RAO)) and not (
             rows.ndim == 2 and len(rows) == len(t)
         ):
             raise _wrong(path, prefix, name, rows, f"({len(t)}, any)")

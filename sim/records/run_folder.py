@@ -6,7 +6,7 @@
 | ``summary.json`` | figures of merit by name, with units |
 | ``events.jsonl`` | one event on each line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
-| ``log.json`` | shape and type of each array; names and units of each vehicle's states, and of its activations |
+| ``log.json`` | shape and type of each array; names and units of each vehicle's signals |
 | ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), for a run whose scenario names no drawing |
 | ``timing.json`` | wall-clock times of the components' answers (``mathnavi.sim.records.timing``) |
 | ``delays.json`` | simulated times that plans took, for a run in which they took any |
@@ -30,6 +30,7 @@ from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.interfaces.reading import files
 from mathnavi.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
 from mathnavi.interfaces.schema import known_fields, shortened
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.engine.log import Recording
@@ -46,6 +47,7 @@ RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
 SOMETIMES = (SCENE, TIMING, DELAYS)  # files that not every run writes
 RECORDED = (*RUN_FILES, *SOMETIMES)  # all files that a run may write
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
+_NAMED = ("inputs", "readings", "estimates", "estimands", "groups")  # fields of SignalNames besides the states
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
 
@@ -93,9 +95,12 @@ def write_run_files(
     if LATENCY in config:
         write_json(folder / DELAYS, {"delays_s": {name: agent.delays for name, agent in recording.agents.items()}})
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
-    named = {"states": recording.state_names, "time": "t [s]"}
+    named: dict[str, Any] = {"states": recording.state_names, "time": "t [s]"}
     if recording.activation_names:
         named["activations"] = recording.activation_names
+    for part in _NAMED:
+        if known := {name: own for name, each in recording.signals.items() if (own := getattr(each, part))}:
+            named[part] = known
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, **named})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
     write_text(folder / EVENTS, "".join(json.dumps(jsonable(event)) + "\n" for event in events))
@@ -204,6 +209,15 @@ def read_fleet(directory: str | Path) -> FleetLog:
 def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
     """Read the names of the states with their units, (nx,) by vehicle; errors as of ``read_log``."""
     return _read_index(directory).states
+
+
+def read_signal_names(directory: str | Path) -> dict[str, SignalNames]:
+    """Read the names of all signals by vehicle, as far as they are known; errors as of ``read_log``."""
+    index = _read_index(directory)
+    return {
+        name: SignalNames(states, **{part: own[name] for part in _NAMED if name in (own := getattr(index, part))})
+        for name, states in index.states.items()
+    }
 
 
 def read_activation_names(directory: str | Path) -> dict[str, tuple[str, ...]]:

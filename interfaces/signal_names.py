@@ -28,7 +28,7 @@ class SignalNames:
     estimates: tuple[str, ...] = ()  # of the numbers of its estimator's estimate
     estimands: tuple[str, ...] = ()  # of what there is to estimate, whose true values are in the log
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """names, without units, of the states, inputs or estimates that are drawn in one chart, by the title of the chart"""
+    """names, without units, of the states, inputs or estimates that are drawn in one chart, by its title"""
 
     def over(self, others: SignalNames) -> SignalNames:
         """Return these names, and in the place of those that are not declared the ``others``."""
@@ -49,7 +49,9 @@ class SignalNames:
                 raise ArgumentError(f"{where}: signals.{kind} = {list(names)}; allowed: {size} names, or none")
         for sensor, names in self.readings.items():
             if sensor not in readings:
-                raise ArgumentError(f"{where}: signals.readings names {sensor!r}; {allowed_for(sensor, list(readings))}")
+                raise ArgumentError(
+                    f"{where}: signals.readings names {sensor!r}; {allowed_for(sensor, list(readings))}"
+                )
             if len(names) != readings[sensor]:
                 raise ArgumentError(
                     f"{where}: signals.readings[{sensor!r}] = {list(names)}; allowed: {readings[sensor]} names"
@@ -65,6 +67,9 @@ class SignalNames:
     def _grouped(self, names: Sequence[str]) -> bool:
         """True if one of the names is in a group that is declared here."""
         return any(name in own for own in self.groups.values() for name in names)
+
+
+UNNAMED = SignalNames()
 
 
 def name_and_unit(words: str) -> tuple[str, str]:

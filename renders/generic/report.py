@@ -52,14 +52,14 @@ def _headline(run: GenericRun) -> Headline:
 def _pictures(run: GenericRun) -> list[Markup]:
     if run.scene is None:
         return []
-    middle = sum(highlight(run)) / 2.0
+    middle, over = sum(highlight(run)) / 2.0, ", with the estimate over it" if run.scene.has_ghost() else ""
     return [
         still_block(
             run.directory, "fixed", run.duration, "The whole run.", "Where it went, at the end of the run."
         ),
         still_block(
             run.directory, "track", middle, f"The scene {middle:.1f} s after the start.",
-            f"The scene {middle:.1f} s after the start{', with the estimate over it' if run.scene.has_ghost() else ''}.",
+            f"The scene {middle:.1f} s after the start{over}.",
         ),
     ]  # fmt: skip
 

@@ -133,14 +133,14 @@ def estimate_charts(run: GenericRun) -> list[Chart]:
     return charts
 
 
-def _lines(
-    columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None
-) -> list[Series]:
+def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:
     """Truth (n, nx) at ``t`` (n,) and estimate of the numbers of one chart, with a band of two deviations about it."""
     several, series = len(columns) > 1, []
     for number, (k, called) in enumerate(columns):
         if np.isfinite(truth[:, k]).any():
-            series.append(curve(called if several else TRUE, vehicle_colour(number) if several else TRUTH, t, truth[:, k]))
+            series.append(
+                curve(called if several else TRUE, vehicle_colour(number) if several else TRUTH, t, truth[:, k])
+            )
     for number, (k, called) in enumerate(columns):
         if found is not None:
             band = None if found.deviation is None else DEVIATIONS * found.deviation[:, k]
@@ -220,7 +220,10 @@ def input_charts(run: GenericRun) -> list[Chart]:
         return [
             Chart(
                 title, unit,
-                [curve(called, _colour(i, len(columns)), log.t, log.u[:, k], step=True) for i, (k, called) in enumerate(columns)],
+                [
+                    curve(called, _colour(number, len(columns)), log.t, log.u[:, k], step=True)
+                    for number, (k, called) in enumerate(columns)
+                ],
             )
             for title, unit, columns in grouped(_inputs(run, name), run.signals[name].groups)
         ]  # fmt: skip

@@ -203,7 +203,7 @@ class Camera:
     framed: Framed | None = None  # in videos, in the place of target and distance
     clear: float = 0.0  # [m] over the ground between itself and what it follows, at least, in videos
     dashed: bool = True  # whether it shows dashed lines, in videos
-    mounted: Pose | None = None  # in the frame of what it follows, or in the world; of one that only videos have
+    mounted: Pose | None = None  # in the frame of what it follows, or in the world; of one that nobody turns
 
 
 @dataclass(frozen=True, eq=False)

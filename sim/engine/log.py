@@ -4,9 +4,10 @@ Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``truth.activation`` (n, n
 own), ``truth.estimands`` (n, m; the true values of what there is to estimate, if the scenario declares them),
 ``measurement.NAME`` (n, m; the newest, NaN where none), ``estimate.t``, ``estimate.x``, ``estimate.deviation`` (k, nx;
 the roots of its variances, NaN where it has no covariance, if any has one), ``command.u`` (n, nu; held over
-[t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``, and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, if the metrics define any. A single
-vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are not in the arrays,
-so that the same seed gives the same log bit for bit; the times of answers, and delays made of them, are kept beside.
+[t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``, and ``cramer_rao.deviation`` (n, m), bounds on the standard
+deviations of errors, if the metrics define any. A single vehicle is logged without a prefix, a fleet's arrays as
+``VEHICLE.truth.x``. Wall-clock figures are not in the arrays, so that the same seed gives the same log bit for bit; the
+times of answers, and delays made of them, are kept beside.
 """
 
 from __future__ import annotations

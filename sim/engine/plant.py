@@ -31,7 +31,7 @@ from mathnavi.interfaces.joint_states import (
 )
 from mathnavi.interfaces.model_signals import input_names, reading_names
 from mathnavi.interfaces.protocols import ActuatorModel, Sensor
-from mathnavi.interfaces.signal_names import SignalNames
+from mathnavi.interfaces.signal_names import UNNAMED, SignalNames
 from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.contact_free import ContactFree
 from mathnavi.sim.engine.contact_messages import thing_named, touching
@@ -56,7 +56,7 @@ class VehicleSetup:
     drive: ActuatorModel | None = None  # None: the input is that of the actuators
     # geoms of others that it touches in normal operation, which is not an event: the floor of what stands or rolls
     ignored_contacts: tuple[str, ...] = ()
-    signals: SignalNames = SignalNames()  # in the place of the names that follow from the model
+    signals: SignalNames = UNNAMED  # in the place of the names that follow from the model
 
 
 @dataclass(frozen=True)

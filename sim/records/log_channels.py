@@ -2,7 +2,7 @@
 
 | channel | times | fields |
 |---|---|---|
-| ``truth`` | every sample | ``x``; ``activation`` where actuators have states of their own; ``estimands``, the true values of what there is to estimate, where they are declared |
+| ``truth`` | every sample | ``x``, ``activation`` of actuators with states of their own, ``estimands`` if declared |
 | ``input`` | every sample | ``u``, held until the next |
 | ``readings/NAME`` | samples at which the sensor was read | ``value``; NaN for single values that were lost |
 | ``estimate`` | those of the estimates | ``x``, and what else the estimator reports, as ``covariance`` |
@@ -22,7 +22,17 @@ import numpy as np
 
 from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array
-from mathnavi.sim.records.log_arrays import ACTIVATION, COMMAND, CRAMER_RAO, ESTIMANDS, ESTIMATED, PLANNED, SAMPLED, TIME, TRUTH
+from mathnavi.sim.records.log_arrays import (
+    ACTIVATION,
+    COMMAND,
+    CRAMER_RAO,
+    ESTIMANDS,
+    ESTIMATED,
+    PLANNED,
+    SAMPLED,
+    TIME,
+    TRUTH,
+)
 from mathnavi.sim.records.run_folder import RunLog
 
 _PLAN_FIELDS = {"times": "t", "x": "x", "u": "u", "phase": "phase"}  # arrays with a row for each breakpoint

@@ -211,9 +211,7 @@ class Assembler:
         declared = getattr(self.scenario, "estimands", None)
         estimands = None if declared is None else partial(declared, self.config if resolved is None else resolved)
         record = self._record(mission, resolved, terrain)
-        return ClosedLoop(
-            plant, agents, duration, finished, summarise, record, network, task, estimands=estimands
-        )
+        return ClosedLoop(plant, agents, duration, finished, summarise, record, network, task, estimands=estimands)
 
     def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
         """Content of config.json without the versions."""

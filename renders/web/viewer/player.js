@@ -177,9 +177,11 @@ class Player {
     const tall = camera.tall, raised = (p) => [p[0], p[1], scene.low + tall * (p[2] - scene.low)];
     const poses = Object.fromEntries(Object.entries(scene.motions).map(([name, motion]) => [name, poseAt(motion, t)]));
     const leader = camera.follow ? poses[camera.follow] : null;
-    if (leader) this.leader = leader;
+    if (leader) this.leader = leader; else if (!camera.follow) this.leader = null;
     const about = camera.follow && this.leader ? raised(this.leader.pos) : [0, 0, 0];
-    this.view = this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
+    this.view = camera.mounted
+      ? mountedView(camera, leader ?? this.leader ?? { pos: [0, 0, 0], quat: [1, 0, 0, 0] }, size.width / size.height, 0.002 * scene.extent, 8 * scene.extent)
+      : this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
     const shows = (layer) => !this.hidden.has(layer), lines = [];
     for (const own of scene.lines) if (shows(own.layer)) lines.push({ ...own, polylines: polylinesAt(own.motion ? { ...own, points: scene.motions[own.motion].pos, times: scene.motions[own.motion].t, offsets: [0, scene.motions[own.motion].t.length] } : own, t) });
     for (const pose of Object.values(poses)) if (pose?.ground != null) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [pose.pos[0], pose.pos[1], pose.ground, ...pose.pos], opacity: 0.8 }] });

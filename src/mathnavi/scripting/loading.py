@@ -67,9 +67,7 @@ def _recording(
             activations[name] = own[ACTIVATION]
         if ESTIMANDS in own:
             estimands[name] = own[ESTIMANDS]
-    return Recording(
-        t, truths, agents, events, dict(states), len(t), bounds, activations, estimands=estimands
-    )
+    return Recording(t, truths, agents, events, dict(states), len(t), bounds, activations, estimands=estimands)
 
 
 def _agent(name: str, events: list[Event], own: Mapping[str, Array], requests: int) -> AgentRecorder:

@@ -98,6 +98,7 @@ class Surface:
     checker: float = 0.0  # [m] side of the squares that it is painted with
     picture: bytes = b""  # JPEG or PNG, laid over it from above
     picture_box: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)  # west, south, east, north [m] of that
+    tiled: bool = False  # the picture repeats beyond the box; else its rim does
     shadow: bool = False  # it casts one on the floor
     spin: float = 0.0  # [rad/s] at which a video turns it about ``axle``, along the z axis of its motion
     axle: tuple[float, float] = (0.0, 0.0)  # [m] of its motion's frame

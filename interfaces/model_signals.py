@@ -20,7 +20,7 @@ _UNITS = {
     "ACCELEROMETER": "m/s^2", "FRAMELINACC": "m/s^2", "VELOCIMETER": "m/s", "FRAMELINVEL": "m/s",
     "SUBTREELINVEL": "m/s", "FRAMEPOS": "m", "RANGEFINDER": "m", "SUBTREECOM": "m", "GEOMDIST": "m", "TENDONPOS": "m",
     "TENDONVEL": "m/s", "TOUCH": "N", "FORCE": "N", "TORQUE": "N m", "CLOCK": "s",
-    "MAGNETOMETER": "unit of option/magnetic",
+    "MAGNETOMETER": "option/magnetic",
 }  # fmt: skip
 
 

@@ -75,20 +75,28 @@ def _label(chart: Chart) -> str:
 
 
 def _within(series: Sequence[Series]) -> tuple[float, float] | None:
-    """Limits of an axis, which hold the curves but not the hundredth of an estimate that is farthest off; None where
-    there is no finite value.
+    """Limits of an axis, which hold the curves and what is usual of their bands, but not the hundredth of an estimate
+    that is farthest off; None where there is no finite value.
     """
     ends: list[float] = []
     for each in series:
         finite: Array = each.y[np.isfinite(each.y)]
         if len(finite):
             share = (0.0, 100.0) if each.name in ("", TRUE) or not _is_estimate(each) else (1.0, 99.0)
-            ends += np.percentile(finite, share).tolist()
+            half = 0.0 if each.band is None else _usual(each.band)
+            low, high = np.percentile(finite, share).tolist()
+            ends += [low - half, high + half]
     if not ends:
         return None
     low, high = min(ends), max(ends)
     margin = 0.08 * (high - low) or 0.5 * max(abs(high), 1e-6)
     return low - margin, high + margin
+
+
+def _usual(band: Array) -> float:
+    """Half the height of three quarters of a band: wider it is at the start, where an estimator knows little."""
+    finite = band[np.isfinite(band)]
+    return float(np.percentile(finite, 75.0)) if len(finite) else 0.0
 
 
 def _is_estimate(series: Series) -> bool:

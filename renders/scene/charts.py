@@ -138,9 +138,8 @@ def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: Re
     several, series = len(columns) > 1, []
     for number, (k, called) in enumerate(columns):
         if np.isfinite(truth[:, k]).any():
-            series.append(
-                curve(called if several else TRUE, vehicle_colour(number) if several else TRUTH, t, truth[:, k])
-            )
+            name = called if several else "" if found is None else TRUE
+            series.append(curve(name, vehicle_colour(number) if several else TRUTH, t, truth[:, k]))
     for number, (k, called) in enumerate(columns):
         if found is not None:
             band = None if found.deviation is None else DEVIATIONS * found.deviation[:, k]

@@ -25,12 +25,13 @@ class TimeChart {
     this.canvas.addEventListener("pointermove", (event) => { if (event.buttons & 1) at(event); });
     this.still = document.createElement("canvas");
   }
-  // Limits that hold all but the wildest hundredth of the values.
+  // Limits that hold all but the wildest hundredth of the values, and three quarters of a band.
   limits() {
     const values = [], positive = this.chart.logarithmic;
     for (const own of this.chart.series) {
       const kept = Array.from(own.y).filter((y) => Number.isFinite(y) && (!positive || y > 0)).sort((a, b) => a - b);
-      if (kept.length) values.push(kept[Math.floor(0.003 * (kept.length - 1))], kept[Math.ceil(0.997 * (kept.length - 1))]);
+      const widths = own.band ? Array.from(own.band).filter(Number.isFinite).sort((a, b) => a - b) : [], half = widths.length ? widths[Math.floor(0.75 * (widths.length - 1))] : 0;
+      if (kept.length) values.push(kept[Math.floor(0.003 * (kept.length - 1))] - half, kept[Math.ceil(0.997 * (kept.length - 1))] + half);
     }
     if (!values.length) return [0.1, 1];
     let low = Math.min(...values), high = Math.max(...values);

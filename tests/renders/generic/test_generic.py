@@ -203,25 +203,6 @@ def test_a_report_shows_no_cost_of_plans_that_state_none(folder: Path, tmp_path:
         assert ("The objective of the plan" in write_report(tmp_path).read_text(encoding="utf-8")) is shown
 
 
-@pytest.mark.parametrize("whole", [True, False])
-def test_a_report_draws_the_readings_and_an_estimate_of_part_of_the_state(whole: bool, tmp_path: Path) -> None:
-    record = recording(moved())
-    agent, n = record.agents["cart"], record.length
-    agent.readings["compass"] = np.column_stack([np.sin(record.t), np.cos(record.t)])
-    if not whole:
-        agent.estimates[:] = [
-            dataclasses.replace(each, x=each.x[:2], covariance=None, extra={"bumper": np.zeros(1)})
-            for each in agent.estimates
-        ]
-    write_run(tmp_path, CONFIG, {"arrived": True}, record)
-    source = write_report(tmp_path).read_text(encoding="utf-8")
-    assert n > 1
-    assert "compass" in source
-    assert ("truth and estimate" in source) is whole
-    assert ("The estimate, which is not of the whole state" in source) is not whole
-    assert ("bumper" in source) is not whole
-
-
 def test_the_log_of_another_run_is_refused(folder: Path, tmp_path: Path) -> None:
     write_run(tmp_path, CONFIG, {"arrived": True}, recording(moved()))
     with np.load(tmp_path / "log.npz") as log:

@@ -113,6 +113,17 @@ def test_what_the_report_says_of_an_estimate_is_true_of_it(case: str, tmp_path: 
     assert "input 1" not in source
 
 
+def test_an_estimate_of_the_whole_state_is_drawn_with_the_states(tmp_path: Path) -> None:
+    made = recording(NAMES, covariance=False)
+    agent = made.agents["rover"]
+    agent.estimates[:] = [replace(each, x=x) for each, x in zip(agent.estimates, made.truths["rover"], strict=True)]
+    write_run(tmp_path, CONFIG, {"arrived": True}, made)
+    source = write_report(tmp_path).read_text(encoding="utf-8")
+    assert "The states over time, truth and estimate." in source
+    assert "Further figures of the estimate over time." in source
+    assert CAPTION not in source
+
+
 def test_without_a_covariance_no_band_is_promised(tmp_path: Path) -> None:
     made = recording(DECLARED, covariance=False)
     assert "estimate.deviation" not in made.arrays()

@@ -51,7 +51,8 @@ class LagrangianRun(LoggedRun):
     @property
     def diverged(self) -> bool:
         """True if the run ended early, because the state was no longer finite."""
-        return self.duration < float(self.log.config["fields"]["duration"]) - TIME_TOLERANCE
+        asked = self.log.config.get("fields", {}).get("duration")
+        return isinstance(asked, int | float) and self.duration < asked - TIME_TOLERANCE
 
     @property
     def is_ball(self) -> bool:
@@ -124,7 +125,7 @@ class LagrangianRun(LoggedRun):
     @cached_property
     def lyapunov_gain(self) -> float | None:
         """B of V and W; None for an estimator that is not the observer (D.6), or has a bandwidth for each joint."""
-        fields = self.log.config["estimator"]["fields"]
+        fields = self.log.config.get("estimator", {}).get("fields", {})
         if not {"bandwidth", "gains"} <= set(fields) or self.has_tuned_bandwidths:
             return None
         return IntrinsicGains(float(fields["bandwidth"] or DEFAULT_BANDWIDTH), law=fields["gains"]).velocity()

@@ -12,7 +12,8 @@
 | ``plan.t``, ``plan.x``, ``plan.u``, ``plan.phase`` | (b,) [s], (b, any), (b, any), (b,) |
 | ``plan.adopted``, ``plan.cost`` | (p,) [s], (p,) |
 
-In the log of a fleet the name of the vehicle is the prefix of all names but ``t``.
+Plans are finite, but for the input of each one's last breakpoint. In the log of a fleet the name of the vehicle is the
+prefix of all names but ``t``.
 """
 
 from __future__ import annotations
@@ -96,6 +97,10 @@ def _check_plans(arrays: Mapping[str, Array], path: Path, prefix: str) -> None:
         rows = of_plans[name]
         if rows.ndim != ndim or len(rows) != breakpoints:
             raise _wrong(path, prefix, f"{PLANNED}{name}", rows, f"({breakpoints},{' any' * (ndim - 1)})")
+    held = np.setdiff1d(np.arange(breakpoints), offsets[1:].astype(np.int64) - 1)  # the last of a plan holds no input
+    for name, rows in (("x", of_plans["x"]), ("u", of_plans["u"][held])):
+        if not np.isfinite(rows).all():
+            raise RunFolderError(f"{str(path)!r}: {prefix}plan.{name} is not finite")
     for name in ("adopted", "cost"):
         if (rows := of_plans[name]).shape != (len(offsets) - 1,):
             raise _wrong(path, prefix, f"{PLANNED}{name}", rows, f"({len(offsets) - 1},)")

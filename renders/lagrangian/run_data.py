@@ -224,7 +224,10 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
-        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
+        raise RunFolderError(
+            f"{str(log.directory)!r}: estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states "
+            f"{states}"
+        )
     innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
     return LagrangianRun(
         log,

@@ -73,7 +73,9 @@ def _described(log: RunLog, mission: TextbookRecord, arrays: Mapping[str, Array]
     states, outputs = mission.states, mission.outputs
     t, x = arrays["estimate.t"], arrays["estimate.x"]
     if x.shape != (len(t), len(states)) or log.x.shape[1] != len(states):
-        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states")
+        raise RunFolderError(
+            f"{str(log.directory)!r}: estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states"
+        )
     nothing = np.full((len(log.t), len(outputs)), np.nan)
     y = arrays.get("measurement.output", nothing)
     return TextbookRun(log, t, x, states, mission.inputs, outputs, y, mission.angles, mission.title, mission.tolerance)

@@ -31,6 +31,8 @@ TIME, TRUTH, COMMAND = "t", "truth.x", "command.u"
 ACTIVATION, ESTIMANDS = "truth.activation", "truth.estimands"
 CRAMER_RAO = "cramer_rao.deviation"
 SAMPLED, ESTIMATED, PLANNED = "measurement.", "estimate.", "plan."
+_LATER = 1e-6  # [s] by which an estimate may be later than the last sample, for rounding
+MOST = 1e150  # of commands and plans, so that their squares are finite
 _PLANS = {"t": 1, "x": 2, "u": 2, "phase": 1}  # dimensions of the arrays that have a row for each breakpoint
 
 
@@ -57,6 +59,10 @@ def check_arrays(arrays: Mapping[str, Array], path: Path, prefix: str = "") -> N
             rows.ndim == 2 and len(rows) == len(t)
         ):
             raise _wrong(path, prefix, name, rows, f"({len(t)}, any)")
+    if not (np.abs(u) <= MOST).all():
+        raise RunFolderError(f"{str(path)!r}: {prefix}{COMMAND} is not finite, or beyond {MOST:g}")
+    if "estimate.t" in arrays and (arrays["estimate.t"] > t[-1] + _LATER).any():
+        raise RunFolderError(f"{str(path)!r}: {prefix}estimate.t goes on after the last sample, at {t[-1]:g} s")
     _check_estimates(arrays, path, prefix)
     _check_plans(arrays, path, prefix)
 
@@ -99,8 +105,8 @@ def _check_plans(arrays: Mapping[str, Array], path: Path, prefix: str) -> None:
             raise _wrong(path, prefix, f"{PLANNED}{name}", rows, f"({breakpoints},{' any' * (ndim - 1)})")
     held = np.setdiff1d(np.arange(breakpoints), offsets[1:].astype(np.int64) - 1)  # the last of a plan holds no input
     for name, rows in (("x", of_plans["x"]), ("u", of_plans["u"][held])):
-        if not np.isfinite(rows).all():
-            raise RunFolderError(f"{str(path)!r}: {prefix}plan.{name} is not finite")
+        if not (np.abs(rows) <= MOST).all():
+            raise RunFolderError(f"{str(path)!r}: {prefix}plan.{name} is not finite, or beyond {MOST:g}")
     for name in ("adopted", "cost"):
         if (rows := of_plans[name]).shape != (len(offsets) - 1,):
             raise _wrong(path, prefix, f"{PLANNED}{name}", rows, f"({len(offsets) - 1},)")

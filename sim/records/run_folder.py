@@ -38,7 +38,7 @@ from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
 from mathnavi.sim.records.files import jsonable, npz_bytes, write_json
-from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
+from mathnavi.sim.records.log_arrays import COMMAND, ESTIMANDS, SAMPLED, TIME, TRUTH, check_arrays
 from mathnavi.sim.records.timing import DELAYS, LATENCY, TIMING, Timing
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
@@ -179,8 +179,8 @@ def read_log(directory: str | Path, *, may_diverge: bool = False) -> RunLog:
     config, summary, events = _read_texts(folder)
     path = folder / ARRAYS
     log = RunLog(folder, config, summary, events, **_of_vehicle(_read_arrays(path), path, may_diverge))
-    if (folder / ARRAY_INDEX).is_file() and len(states := read_state_names(folder)) == 1:
-        _check_named(path, "", log.x, next(iter(states.values())))
+    if (folder / ARRAY_INDEX).is_file() and len(signals := read_signal_names(folder)) == 1:
+        _check_named(path, "", log.arrays, next(iter(signals.values())))
     return log
 
 
@@ -200,9 +200,9 @@ def read_fleet(directory: str | Path) -> FleetLog:
         )
         for name in names
     }  # fmt: skip
-    states = read_state_names(folder) if (folder / ARRAY_INDEX).is_file() else {}
-    for name in states.keys() & vehicles.keys():
-        _check_named(path, f"{name}.", vehicles[name].x, states[name])
+    signals = read_signal_names(folder) if (folder / ARRAY_INDEX).is_file() else {}
+    for name in signals.keys() & vehicles.keys():
+        _check_named(path, f"{name}.", vehicles[name].arrays, signals[name])
     return FleetLog(folder, config, summary, events, vehicles)
 
 
@@ -274,12 +274,23 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
     return config, summary, _read_events(folder / EVENTS)
 
 
-def _check_named(path: Path, prefix: str, x: Array, names: Sequence[str]) -> None:
-    """Raise RunFolderError for states (n, nx) if log.json names another number of them: they belong to another run."""
-    if x.shape[1] != len(names):
-        raise RunFolderError(
-            f"{path}: {prefix}truth.x has {x.shape[1]} states; allowed: {len(names)}, as {ARRAY_INDEX} next to it names"
-        )
+def _check_named(path: Path, prefix: str, arrays: Mapping[str, Array], signals: SignalNames) -> None:
+    """Raise RunFolderError for an array of which log.json names another number of columns: it is of another run."""
+    named = {
+        (TRUTH, "states"): signals.states,
+        (COMMAND, "inputs"): signals.inputs,
+        ("estimate.x", "numbers"): signals.estimates,
+        (ESTIMANDS, "estimands"): signals.estimands,
+        **{(f"{SAMPLED}{sensor}", "numbers"): names for sensor, names in signals.readings.items()},
+    }
+    for (name, what), names in named.items():
+        if name in arrays and names and arrays[name].shape[1:] != (len(names),):
+            raise RunFolderError(
+                f"{path}: {prefix}{name} has {arrays[name].shape[-1]} {what}; allowed: {len(names)}, as {ARRAY_INDEX} "
+                "next to it names"
+            )
+    if arrays[TRUTH].shape[1] and not signals.states:
+        raise RunFolderError(f"{path}: {prefix}{TRUTH} has states; allowed: none, as {ARRAY_INDEX} next to it names")
 
 
 def _require(path: Path) -> None:

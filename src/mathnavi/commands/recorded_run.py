@@ -9,6 +9,7 @@ from pathlib import Path
 from mathnavi.commands.errors import bad_input
 from mathnavi.commands.flown import import_from_here
 from mathnavi.commands.output import output_folder
+from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.sim.plugin.trust import trusting
 
 
@@ -30,4 +31,9 @@ def reading_run(folder: Path, trust: bool, files: Mapping[str, Path | None]) -> 
         for flag, path in files.items():
             if path is not None:
                 stack.enter_context(output_folder(path.parent, flag))
-        yield
+        try:
+            yield
+        except ValueError as error:
+            if type(error).__module__.partition(".")[0] == "mathnavi":
+                raise
+            raise RunFolderError(f"{folder} cannot be drawn: {error}") from error  # what a library says of its numbers

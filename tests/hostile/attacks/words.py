@@ -103,7 +103,7 @@ def read_places(rng: Generator, shop: Path, work: Path) -> Case:
     if rng.random() < 0.3:
         place += Path(former).suffix
     words[k] = place
-    culprits = (place[:30], place.strip(), ascii(place)[1:-1], "DIR", "FILE", "NAME", "missing")
+    culprits = (place[:30], place.strip(), ascii(place)[1:-1], "DIR", "FILE", "NAME", "missing", "not expected")
     return Case(command, "place", tuple(words), culprits, written(words, work), f"{former} is {place[:40]!r}")
 
 

@@ -80,10 +80,11 @@ class AgentRecorder:
         if self.estimates:
             out["estimate.t"] = np.array([estimate.t for estimate in self.estimates])
             out["estimate.x"] = np.array([estimate.x for estimate in self.estimates])
-            for name in sorted(set.intersection(*(set(estimate.extra) for estimate in self.estimates))):
-                out[f"estimate.{name}"] = np.array([estimate.extra[name] for estimate in self.estimates])
-            if DEVIATION not in out and any(estimate.covariance is not None for estimate in self.estimates):
-                out[DEVIATION] = np.array([_deviations(estimate) for estimate in self.estimates])
+            names = set.intersection(*(set(estimate.extra) for estimate in self.estimates))
+            further = {f"estimate.{name}": [estimate.extra[name] for estimate in self.estimates] for name in names}
+            if DEVIATION not in further and any(estimate.covariance is not None for estimate in self.estimates):
+                further[DEVIATION] = [_deviations(estimate) for estimate in self.estimates]
+            out |= {name: np.array(further[name]) for name in sorted(further)}
         return out | self._plan_arrays()
 
     def _plan_arrays(self) -> dict[str, Array]:

@@ -42,11 +42,11 @@ FORGED: dict[str, tuple[Forge, str]] = {
         lambda a, index, config: a["estimate.t"].__iadd__(9.0), "estimate.t goes on after the last sample",
     ),
     "the commands of another run": (
-        lambda a, index, config: index.update(inputs=dict.fromkeys(index["states"], ["a [N]", "b", "c"])),
+        lambda a, index, config: index.update(inputs={key: ["a [N]", "b", "c"] for key in index["states"]}),
         "allowed: 3, as log.json next to it names",
     ),
     "the readings of another run": (
-        lambda a, index, config: index.update(readings=dict.fromkeys(index["states"], {"output": ["a"] * 9})),
+        lambda a, index, config: index.update(readings={key: {"output": ["a"] * 9} for key in index["states"]}),
         "measurement.output has",
     ),
     "states of which some are not described": (

@@ -129,7 +129,7 @@ def estimate_charts(run: GenericRun) -> list[Chart]:
                 curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), found.t, columns[:, k])
                 for k in range(columns.shape[1])
             ]
-            charts.append(Chart(own.replace("_", " "), "", lines))
+            charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
     return charts
 
 

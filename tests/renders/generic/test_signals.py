@@ -73,7 +73,7 @@ def test_the_browser_has_every_reading_and_input_by_its_name(tmp_path: Path) -> 
     assert [series.name for series in charts["gyro"].series] == ["x", "y", "z"]
     assert charts["gyro"].unit == "rad/s"
     np.testing.assert_allclose(charts["bumper"].series[0].t, T[::4])
-    assert "pressed" in charts
+    assert "pressed, estimated" in charts
     errors = [chart for chart in read_scene(tmp_path).charts if chart.title == "estimate error"]
     assert {chart.unit: chart.series[0].y[0] for chart in errors} == pytest.approx({"rad": 0.1, "m/s": 0.2})
 

@@ -1,5 +1,4 @@
-"""Names and units of the signals of a MuJoCo model, as its file has them: inputs of actuators, readings of
-sensors.
+"""Names and units of the inputs of actuators and of the readings of sensors in a MuJoCo model.
 
 Names are without the vehicle's name before a "/".
 """
@@ -59,9 +58,7 @@ def reading_names(model: mujoco.MjModel, i: int) -> tuple[str, ...]:
 
 
 def reading_unit(model: mujoco.MjModel, i: int) -> str:
-    """Return the unit of a sensor's reading, as MuJoCo's documentation has it; "" where it is none, or depends on the
-    model.
-    """
+    """Return the unit of a sensor's reading, as MuJoCo's documentation has it; "" where it has none."""
     kind = mujoco.mjtSensor(int(model.sensor_type[i])).name.removeprefix("mjSENS_")
     if kind in ("JOINTPOS", "JOINTVEL"):
         slides = int(model.jnt_type[model.sensor_objid[i]]) == SLIDE

@@ -59,8 +59,9 @@ class SignalNames:
         return self
 
     def of_estimate(self, size: int) -> tuple[str, ...]:
-        """Return the names of the numbers of an estimate of a size: those of its estimator, of the states, or of what
-        there is to estimate, whichever are as many; none if none are.
+        """Return the names of the numbers of an estimate; none if they are not known.
+
+        They are those of its estimator, of the states or of the estimands, the first that are as many as its ``size``.
         """
         return next((each for each in (self.estimates, self.states, self.estimands) if len(each) == size), ())
 

@@ -71,7 +71,7 @@ class Player {
     this.charts = scene.charts.map((chart) => new TimeChart(chart, scene.duration, (t) => this.seek(t)));
     $("charts").append(...this.charts.map((chart) => chart.figure));
     if (scene.cameras.length) this.setStage(); else $("app").classList.add("flat");
-    this.setBar(); this.setLegend();
+    this.setBar(); this.setLegend(); this.setChoice();
     if (scene.live) this.live = new Live(this, scene.live);
     new ResizeObserver(() => this.change(true)).observe($("app"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change(true));
@@ -143,6 +143,30 @@ class Player {
     }
     $("legend").hidden = !this.scene.layers.length;
     if (innerWidth < 700) $("legend").open = false;
+  }
+  // The charts that the reader has chosen, by name, stay in the address: a link to it, or the page of another run with
+  // the same end of its address, shows the same ones.
+  setChoice() {
+    const { charts } = this.scene, list = $("chosen").querySelector("ul"), names = charts.map(({ title, unit }) => (unit ? `${title} [${unit}]` : title));
+    const boxes = names.map((name) => {
+      const label = document.createElement("label"), box = document.createElement("input"), item = document.createElement("li");
+      box.type = "checkbox"; label.append(box, name); item.append(label); list.append(item);
+      return box;
+    });
+    const show = () => { boxes.forEach((box, k) => { this.charts[k].figure.hidden = !box.checked; }); this.change(true); };
+    const read = () => {
+      const wanted = new Set(new URLSearchParams(location.hash.slice(1)).getAll("chart")), some = names.some((name) => wanted.has(name));
+      boxes.forEach((box, k) => { box.checked = !some || wanted.has(names[k]); });
+      show();
+    };
+    list.addEventListener("change", () => {
+      const kept = names.filter((name, k) => boxes[k].checked);
+      if (!kept.length) boxes.forEach((box) => { box.checked = true; }); // of none there would be nothing to see
+      const chosen = kept.length && kept.length < names.length ? kept : [];
+      location.replace(`#${new URLSearchParams(chosen.map((name) => ["chart", name]))}`); show();
+    });
+    addEventListener("hashchange", read);
+    $("chosen").hidden = charts.length < 2 || this.scene.embedded; if (!$("chosen").hidden) read();
   }
   play(playing) {
     if (this.live?.plays(playing)) return;

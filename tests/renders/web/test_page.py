@@ -132,3 +132,42 @@ def test_a_report_on_a_telephone_keeps_its_letters_and_moves_no_further_than_its
         assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") == 640
         seen.page.set_viewport_size({"width": 1280, "height": 800})
         assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") > 900
+
+
+def test_the_charts_that_are_chosen_stay_in_the_address(page: Path, browser: Any) -> None:
+    visible = (
+        "[...document.querySelectorAll('#charts figure:not([hidden]) figcaption')].map((each) => each.firstChild.data)"
+    )
+    with watched(browser) as seen:
+        seen.open(page.as_uri())
+        every = seen.page.evaluate(visible)
+        assert len(every) > 2
+        seen.page.evaluate("document.querySelector('#chosen').open = true")
+        seen.drawn("document.querySelector('#chosen input').click()")
+        assert seen.page.evaluate(visible) == every[1:]
+        address = seen.page.url
+        assert "#chart=" in address
+        seen.page.goto("about:blank")
+        seen.open(address)
+        assert seen.page.evaluate(visible) == every[1:]
+        seen.page.goto("about:blank")
+        seen.open(f"{page.as_uri()}#chart=of+another+run")
+        assert seen.page.evaluate(visible) == every
+        assert seen.complaints == []
+
+
+def test_a_camera_of_the_model_looks_along_its_own_axis_from_where_it_is_mounted(page: Path, browser: Any) -> None:
+    h = 0.5**0.5
+    view = """([frame, mounted, point]) => {
+        const { matrix, eye } = mountedView({ mounted, field_of_view: 90 }, frame, 1, 0.1, 100);
+        const clip = [0, 1, 2, 3].map((i) => matrix[i] * point[0] + matrix[4 + i] * point[1] + matrix[8 + i] * point[2] + matrix[12 + i]);
+        return { eye, x: clip[0] / clip[3], y: clip[1] / clip[3], ahead: clip[3] };
+    }"""
+    frame = {"pos": [10.0, 0.0, 0.0], "quat": [h, 0.0, 0.0, h]}  # turned a quarter to the left
+    mounted = {"pos": [1.0, 0.0, 0.0], "quat": [h, h, 0.0, 0.0]}  # looks along y of the frame, with z upwards
+    with watched(browser) as seen:
+        seen.open(page.as_uri())
+        found = seen.page.evaluate(view, [frame, mounted, [6.0, 1.0, 2.0]])
+    np.testing.assert_allclose(found["eye"], [10.0, 1.0, 0.0], atol=1e-6)
+    # It looks westwards: a point 4 m ahead and 2 m above is half way up the picture, whose half is 45 degrees.
+    np.testing.assert_allclose([found["ahead"], found["x"], found["y"]], [4.0, 0.0, 0.5], atol=1e-6)

@@ -10,6 +10,7 @@ import pytest
 
 from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Estimate
+from mathnavi.renders.comparison.runs import read_run, run_figures
 from mathnavi.renders.generic.figures import states_figure
 from mathnavi.renders.generic.run_data import load_run
 from mathnavi.renders.report import write_report
@@ -152,3 +153,13 @@ def test_the_log_has_every_name_and_gives_it_to_what_is_exported(tmp_path: Path)
     assert fields["input u"] == DECLARED.inputs
     assert fields["readings/gyro value"] == DECLARED.readings["gyro"]
     assert fields["estimate x"] == fields["truth estimands"] == DECLARED.estimands
+
+
+def test_two_runs_are_compared_by_what_their_estimators_estimate(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        write_run(tmp_path / name, CONFIG, {"arrived": True}, recording(DECLARED))
+    drawn = {name: figure for name, figure, _ in run_figures(*(read_run(tmp_path / each) for each in ("one", "other")))}
+    assert [axes.get_title(loc="left") for axes in drawn["errors"].axes] == ["heading [rad]", "speed [m/s]"]
+    for axes, error in zip(drawn["errors"].axes, (0.1, -0.2), strict=True):
+        for line in axes.lines:
+            np.testing.assert_allclose(line.get_ydata(), error, atol=1e-12)

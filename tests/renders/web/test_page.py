@@ -158,16 +158,18 @@ def test_the_charts_that_are_chosen_stay_in_the_address(page: Path, browser: Any
 
 def test_a_camera_of_the_model_looks_along_its_own_axis_from_where_it_is_mounted(page: Path, browser: Any) -> None:
     h = 0.5**0.5
-    view = """([frame, mounted, point]) => {
-        const { matrix, eye } = mountedView({ mounted, field_of_view: 90 }, frame, 1, 0.1, 100);
-        const clip = [0, 1, 2, 3].map((i) => matrix[i] * point[0] + matrix[4 + i] * point[1] + matrix[8 + i] * point[2] + matrix[12 + i]);
-        return { eye, x: clip[0] / clip[3], y: clip[1] / clip[3], ahead: clip[3] };
-    }"""
-    frame = {"pos": [10.0, 0.0, 0.0], "quat": [h, 0.0, 0.0, h]}  # turned a quarter to the left
-    mounted = {"pos": [1.0, 0.0, 0.0], "quat": [h, h, 0.0, 0.0]}  # looks along y of the frame, with z upwards
+    # In a frame that is turned a quarter to the left, it looks along y of the frame, with z upwards.
+    look = f"""player.scene.motions.probe =
+            {{ t: [0], pos: [10, 0, 0], quat: [{h}, 0, 0, {h}], shown: [[-1e30, 1e30]] }};
+        player.choose({{ target: [0, 0, 0], distance: 1, azimuth: 0, elevation: 0, field_of_view: 90, follow: "probe",
+                         behind: 0, tall: 1, span: 0.06, mounted: {{ pos: [1, 0, 0], quat: [{h}, {h}, 0, 0] }} }})"""
+    point = """{ const matrix = player.view.matrix, place = [6, 1, 2, 1];
+        [0, 1, 3].map((i) => place.reduce((sum, each, k) => sum + matrix[4 * k + i] * each, 0)) }"""
     with watched(browser) as seen:
         seen.open(page.as_uri())
-        found = seen.page.evaluate(view, [frame, mounted, [6.0, 1.0, 2.0]])
-    np.testing.assert_allclose(found["eye"], [10.0, 1.0, 0.0], atol=1e-6)
+        seen.drawn(look)
+        across, up, ahead = seen.page.evaluate(point)
+        eye = seen.page.evaluate("player.view.eye")
+    np.testing.assert_allclose(eye, [10.0, 1.0, 0.0], atol=1e-5)
     # It looks westwards: a point 4 m ahead and 2 m above is half way up the picture, whose half is 45 degrees.
-    np.testing.assert_allclose([found["ahead"], found["x"], found["y"]], [4.0, 0.0, 0.5], atol=1e-6)
+    np.testing.assert_allclose([ahead, across / ahead, up / ahead], [4.0, 0.0, 0.5], atol=1e-5)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Event
 from mathnavi.sim.engine.agent_runner import Agent
@@ -45,7 +46,9 @@ def name_signals(
         numbers = _numbers(vehicle, agent)
         sizes = {len(estimate.x) for estimate in recording.agents[vehicle].estimates}
         if numbers and sizes - {len(numbers)}:
-            message = f"the estimator names {len(numbers)} numbers; an estimate has {max(sizes - {len(numbers)})}"
+            message = (
+                f"the estimator names {counted(len(numbers), 'number')}; an estimate has {max(sizes - {len(numbers)})}"
+            )
             recording.events.append(Event(float(recording.t[-1]), vehicle, "estimate-names", message))
         elif numbers:
             names = replace(names, estimates=numbers)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -131,3 +133,24 @@ def test_a_name_that_no_folder_can_have_is_refused(
     assert "--out = xxx" in capsys.readouterr().err
     assert main(["new", "terrain", "mine", "--out=-my folder"]) == 0
     assert "next    cd './-my folder'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "busy"),
+    [
+        ("report run --out new/page.html", "mathnavi.renders.report.report_page"),
+        ("render run --still --out new/page.png", "mathnavi.renders.video.write_still"),
+        ("new terrain mine --out new/mine", "mathnavi.commands.new.contents"),
+    ],
+)
+def test_ctrl_c_leaves_nothing_behind(
+    words: str, busy: str, run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(busy, interrupted)
+    before = sorted(Path().rglob("*"))
+    assert main(words.split()) == 130
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert sorted(Path().rglob("*")) == before

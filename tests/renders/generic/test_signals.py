@@ -163,3 +163,21 @@ def test_two_runs_are_compared_by_what_their_estimators_estimate(tmp_path: Path)
     for axes, error in zip(drawn["errors"].axes, (0.1, -0.2), strict=True):
         for line in axes.lines:
             np.testing.assert_allclose(line.get_ydata(), error, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, "The same seed gives the same log"),
+        ({"latency": "measured"}, "The same seed and the delays of the plans as they were measured give the same log"),
+        ({"recorded": "there"}, "Its estimator ran over the readings and inputs of there."),
+    ],
+)
+def test_what_the_command_that_repeats_a_run_gives_is_said_of_this_run(
+    more: dict[str, str], said: str, tmp_path: Path
+) -> None:
+    write_run(tmp_path, {**CONFIG, **more}, {}, recording(DECLARED))
+    assert [sentence in write_report(tmp_path).read_text(encoding="utf-8") for sentence in (said, "the same log")] == [
+        True,
+        "recorded" not in more,
+    ]

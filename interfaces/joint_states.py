@@ -28,23 +28,53 @@ _UNIT = {SLIDE: "m", HINGE: "rad"}
 
 
 def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]:
-    """Return name and unit of each component of (q, v) of these joints, without the vehicle's name before a "/"."""
+    """Return name and unit of each component of (q, v) of these joints, without the vehicle's name before a "/".
+
+    Those of the only free joint, "position_x" for one, are without the name of the joint: they are the vehicle's.
+    """
     positions, velocities = [], []
-    for j in joints:
-        full, kind = model.joint(j).name, int(model.jnt_type[j])
-        name = full.partition("/")[2] or full or str(j)
+    for j, name in _joint_names(model, joints).items():
+        kind, of = int(model.jnt_type[j]), f"{name}_" if name else ""
         if kind == FREE:
-            positions += [f"position_{name}_{axis} [m]" for axis in "xyz"]
-            velocities += [f"velocity_{name}_{axis} [m/s]" for axis in "xyz"]
-            positions += [f"attitude_{name}_{axis} [-]" for axis in "wxyz"]
-            velocities += [f"rate_{name}_{axis} [rad/s]" for axis in "xyz"]
+            positions += [f"position_{of}{axis} [m]" for axis in "xyz"]
+            velocities += [f"velocity_{of}{axis} [m/s]" for axis in "xyz"]
+            positions += [f"attitude_{of}{axis} [-]" for axis in "wxyz"]
+            velocities += [f"rate_{of}{axis} [rad/s]" for axis in "xyz"]
         elif kind == BALL:
-            positions += [f"position_{name}_{axis} [-]" for axis in "wxyz"]
-            velocities += [f"velocity_{name}_{axis} [rad/s]" for axis in "xyz"]
+            positions += [f"position_{of}{axis} [-]" for axis in "wxyz"]
+            velocities += [f"velocity_{of}{axis} [rad/s]" for axis in "xyz"]
         else:
             positions.append(f"position_{name} [{_UNIT[kind]}]")
             velocities.append(f"velocity_{name} [{_UNIT[kind]}/s]")
     return (*positions, *velocities)
+
+
+def state_groups(model: mujoco.MjModel, joints: Sequence[int]) -> dict[str, tuple[str, ...]]:
+    """Return the names of the states, without units, that are one vector or quaternion, by what they are."""
+    groups = {}
+    for j, name in _joint_names(model, joints).items():
+        kind, of = int(model.jnt_type[j]), f"{name}_" if name else ""
+        if kind == FREE:
+            parts = {"position": "xyz", "velocity": "xyz", "rate": "xyz", "attitude": "wxyz"}
+        else:
+            parts = {"velocity": "xyz", "position": "wxyz"} if kind == BALL else {}
+        for part, axes in parts.items():
+            groups[f"{part} {name}".replace("_", " ").strip()] = tuple(f"{part}_{of}{axis}" for axis in axes)
+    return groups
+
+
+def _joint_names(model: mujoco.MjModel, joints: Sequence[int]) -> dict[int, str]:
+    """Return the joints with their names; "" for the only free one, unless another is called as one of its numbers."""
+    names = {j: own_name(model.joint(j).name, j) for j in joints}
+    free = [j for j in joints if int(model.jnt_type[j]) == FREE]
+    if len(free) == 1 and not any(name in "wxyz" for name in names.values()):
+        names[free[0]] = ""
+    return names
+
+
+def own_name(full: str, number: int) -> str:
+    """Return the name of an element without that of its vehicle; its number if it has none."""
+    return full.partition("/")[2] or full or str(number)
 
 
 def activations(model: mujoco.MjModel, actuators: Sequence[int]) -> tuple[list[int], tuple[str, ...]]:
@@ -54,8 +84,7 @@ def activations(model: mujoco.MjModel, actuators: Sequence[int]) -> tuple[list[i
     """
     places, names = [], []
     for i in actuators:
-        full, count = model.actuator(i).name, int(model.actuator_actnum[i])
-        name = full.partition("/")[2] or full or str(i)
+        name, count = own_name(model.actuator(i).name, i), int(model.actuator_actnum[i])
         places += [int(model.actuator_actadr[i]) + k for k in range(count)]
         names += [f"activation_{name}{f'_{k}' if count > 1 else ''} [-]" for k in range(count)]
     return places, tuple(names)

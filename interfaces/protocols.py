@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from mathnavi.interfaces.observer_properties import ObserverProperties
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Message, Outbox, Plan, PlanRequest
 
 
@@ -40,7 +41,8 @@ class Sensor(Protocol):
     """Sensor mounted on a vehicle. It has no clock: the plant reads it when a reading is due.
 
     It may also have ``partial``, True if single values of a reading may be NaN, ``quaternions``, the slices of a
-    reading that are unit quaternions (w, x, y, z), and ``check(reading)``, which raises ValueError for a malformed one.
+    reading that are unit quaternions (w, x, y, z), ``numbers``, the "name [unit]" of each number of a reading, and
+    ``check(reading)``, which raises ValueError for a malformed one.
     """
 
     @property
@@ -140,6 +142,15 @@ class Plant(Protocol):
 
 
 @runtime_checkable
+class PlantWithSignalNames(Plant, Protocol):
+    """Plant that names the signals of its vehicles besides their states; the log has the names."""
+
+    def signal_names(self, name: str) -> SignalNames:
+        """Return the names of a vehicle's states, inputs and readings, and the groups in which they are drawn."""
+        ...
+
+
+@runtime_checkable
 class PlantWithActivations(Plant, Protocol):
     """Plant whose actuators may have states of their own, such as muscles and filters; the log has them."""
 
@@ -154,7 +165,10 @@ class PlantWithActivations(Plant, Protocol):
 
 @runtime_checkable
 class Estimator(Protocol):
-    """Estimator: from measurements to an estimate."""
+    """Estimator: from measurements to an estimate.
+
+    It may also have ``numbers``, the "name [unit]" of each number of an estimate that is not of the whole state.
+    """
 
     period: float  # [s]
 

@@ -17,6 +17,7 @@ class SceneElement(Enum):
     """Element of a scene, a line or a mark; the value is its name in a legend."""
 
     FLOWN = "flown"
+    PATH = "path"
     OPTIMISED = "optimised plan"
     MANOEUVRE = "safety manoeuvre"
     COMPLETION = "completion path"
@@ -44,6 +45,7 @@ class SceneElement(Enum):
 
 COLOURS: dict[SceneElement, Colour] = {
     SceneElement.FLOWN: (1.00, 0.50, 0.05),
+    SceneElement.PATH: (1.00, 0.50, 0.05),
     SceneElement.OPTIMISED: (0.05, 0.42, 0.95),
     SceneElement.MANOEUVRE: (0.86, 0.10, 0.72),
     SceneElement.COMPLETION: (0.10, 0.78, 0.48),

@@ -26,7 +26,7 @@ from mathnavi.renders.video import write_still
 from mathnavi.sim.plugin.trust import uninstalled
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
-from mathnavi.sim.records.timing import read_timing, slow_components, timing_table
+from mathnavi.sim.records.timing import LATENCY, read_timing, slow_components, timing_table
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
 
@@ -175,13 +175,24 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
         "code."
     )
     return (
-        page.paragraph(
-            "The same seed gives the same log: bit for bit on the same kind of processor with the same versions, to "
-            "rounding elsewhere."
-        ),
+        page.paragraph(_repetition(config)),
         page.card(page.preformatted(command)),
         *([page.paragraph(caution)] if foreign else []),
         page.card(page.details("config.json", page.preformatted(text))),
+    )
+
+
+def _repetition(config: Mapping[str, Any]) -> str:
+    """What the command that repeats a run gives."""
+    if config.get("recorded") is not None:
+        return (
+            f"Its estimator ran over the readings and inputs of {config['recorded']}. This command simulates the "
+            "scenario with that estimator in the loop, so its log is another one."
+        )
+    given = " and the delays of the plans as they were measured give" if LATENCY in config else " gives"
+    return (
+        f"The same seed{given} the same log: bit for bit on the same kind of processor with the same versions, to "
+        "rounding elsewhere."
     )
 
 

@@ -30,6 +30,7 @@ import numpy as np
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.joint_states import HINGE, SLIDE, state_names
+from mathnavi.interfaces.model_signals import input_names
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.system import (
     MODEL_FREE_ESTIMATORS,
@@ -130,7 +131,6 @@ def _may_touch(model: mujoco.MjModel) -> bool:
 _FIXED, _UNBIASED = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE)
 _AFFINE = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
-_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 
 
 class MechanismSystem:
@@ -158,7 +158,7 @@ class MechanismSystem:
         self._data = mujoco.MjData(self._model)
         self._at = forces.actuated(self._model, self._data)
         self.states = state_names(model, range(model.njnt))
-        self.inputs = tuple(name for i in range(model.nactuator) for name in _input_names(model, i))
+        self.inputs = tuple(name for i in range(model.nactuator) for name in input_names(model, i))
         given = constant if len(constant) or not model.nkey else model.key_ctrl[0].tolist()
         self.constant, self.amplitude = self._given("constant", given), self._given("amplitude", amplitude)
         self.velocity_dependent = _depends_on_velocity(model)
@@ -249,23 +249,6 @@ def _actuators_with_states(model: mujoco.MjModel) -> str:
     names = [model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i) for i in found[:_NAMED]]
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     return f"states or delays of the actuators {', '.join(names)}{more}" if found else ""
-
-
-def _input_names(model: mujoco.MjModel, i: int) -> list[str]:
-    """Names of the inputs of an actuator, which are numbered if there are several.
-
-    A motor of gain 1 on a joint has the unit of its force or torque, others have none.
-    """
-    name = model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i)
-    count = int(model.actuator_ctrlnum[i])
-    if count != 1:
-        return [f"{name}_{k} [-]" for k in range(count)]
-    joint = int(model.actuator_trnid[i, 0])
-    is_motor = (int(model.actuator_gaintype[i]), int(model.actuator_biastype[i])) == (_FIXED, _UNBIASED)
-    strength = float(model.actuator_gainprm[i, 0]) * float(np.linalg.norm(model.actuator_gear[i]))
-    if not is_motor or int(model.actuator_trntype[i]) != _JOINT or strength != 1.0:
-        return [f"{name} [-]"]
-    return [f"{name} [{'N' if model.jnt_type[joint] == SLIDE else 'N m'}]"]
 
 
 def _depends_on_velocity(model: mujoco.MjModel) -> bool:

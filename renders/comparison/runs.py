@@ -15,16 +15,18 @@ from matplotlib.figure import Figure
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.fields import flattened
+from mathnavi.interfaces.signal_names import UNNAMED, SignalNames
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
 from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
+from mathnavi.renders.generic.run_data import estimates
 from mathnavi.renders.page import Drawn, number
 from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.sim.records.field_names import recorded_fields
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
-from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_signal_names
 from mathnavi.sim.records.table import Table
 
 COLUMNS = ("group", "figure", LEFT, RIGHT, "difference", "ratio")
@@ -88,19 +90,13 @@ def _named(key: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class StateHistory:
-    """True and estimated states of one vehicle over time."""
+    """True states of one vehicle over time, and the errors of its estimates."""
 
     t: Array  # (n,) [s]
     x: Array  # (n, nx) the true state
     t_estimate: Array  # (m,) [s]
-    estimate: Array  # (m, nx), with no row where an estimate is not of the state
-
-    @property
-    def error(self) -> Array:
-        """(m, nx) of the estimate; the truth is linear between samples."""
-        true = np.column_stack([np.interp(self.t_estimate, self.t, column) for column in self.x.T])
-        error: Array = self.estimate - true
-        return error
+    error: Array  # (m, k) of each number of the estimate whose true value is known; no row without an estimate
+    estimated: tuple[str, ...]  # (k,) names with units of these numbers
 
 
 Curve = Callable[[StateHistory], tuple[Array, Array]]  # times (n,) [s] and values (n, nx)
@@ -131,22 +127,24 @@ class ComparedRun:
 
 def read_run(folder: Path) -> ComparedRun:
     """The run in a folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
-    states = read_state_names(folder)
-    logs = read_fleet(folder).vehicles if len(states) > 1 else {"": read_log(folder, may_diverge=True)}
-    histories = {name: _history(log) for name, log in logs.items()}
-    any_log, names = next(iter(logs.values())), next(iter(states.values()), ())
-    return ComparedRun(folder, any_log.config, any_log.summary, names, histories)
+    signals = read_signal_names(folder)
+    logs = read_fleet(folder).vehicles if len(signals) > 1 else {"": read_log(folder, may_diverge=True)}
+    first = next(iter(signals.values()), UNNAMED)
+    histories = {name: _history(log, signals.get(name, first)) for name, log in logs.items()}
+    any_log = next(iter(logs.values()))
+    return ComparedRun(folder, any_log.config, any_log.summary, first.states, histories)
 
 
-def _history(log: RunLog) -> StateHistory:
-    t, estimate = np.empty(0), np.empty((0, log.x.shape[1]))
-    if "estimate.x" in log.arrays:
-        found = log.arrays["estimate.x"]
-        if found.shape[1:] == log.x.shape[1:]:
-            t, estimate = log.arrays["estimate.t"], found
-            seen = t <= log.t[-1]  # the truth may have ended as no number
-            t, estimate = t[seen], estimate[seen]
-    return StateHistory(log.t, log.x, t, estimate)
+def _history(log: RunLog, signals: SignalNames) -> StateHistory:
+    found = estimates(log, signals)
+    if found is None:
+        return StateHistory(log.t, log.x, np.empty(0), np.empty((0, 0)), ())
+    seen = found.t <= log.t[-1]  # the truth may have ended as no number
+    t, error = found.t[seen], found.error[seen]
+    if found.whole:  # the truth is linear between samples
+        error = found.x[seen] - np.column_stack([np.interp(t, log.t, column) for column in log.x.T])
+    known = np.flatnonzero(np.isfinite(error).any(axis=0)).tolist()
+    return StateHistory(log.t, log.x, t, error[:, known], tuple(found.names[k] for k in known))
 
 
 def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
@@ -162,10 +160,13 @@ def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
     rest = f" The first {len(names)} of {len(left.states)} are shown." if more else ""
     states = _panels(left, right, names, lambda history: (history.t, history.x))
     drawn.append(("states", states, f"The true state over time, component by component.{rest}"))
-    if any(
-        history.error.any() for run in (left, right) for history in run.histories.values()
-    ):  # not of a reading of the truth
-        errors = _panels(left, right, names, lambda history: (history.t_estimate, _wrapped(history.error, left.states)))
+    histories = [history for run in (left, right) for history in run.histories.values()]
+    estimated = {history.estimated for history in histories if history.estimated}
+    if len(estimated) == 1 and any(history.error.any() for history in histories):  # not of a reading of the truth
+        (found,) = estimated
+        shown = found[:MOST_PANELS]
+        rest = f" The first {len(shown)} of {len(found)} are shown." if len(found) > len(shown) else ""
+        errors = _panels(left, right, shown, lambda history: (history.t_estimate, _wrapped(history.error, found)))
         drawn.append(("errors", errors, f"The error of the estimate, component by component.{rest}"))
     return drawn
 
@@ -208,6 +209,8 @@ def _panels(left: ComparedRun, right: ComparedRun, names: Sequence[str], curve: 
         for run, side, colour, style, width in zip((left, right), (LEFT, RIGHT), COLOURS, STYLES, WIDTHS, strict=True):
             for number, history in enumerate(run.histories.values()):
                 t, values = curve(history)
+                if values.shape[1] < len(names):  # a run without estimates
+                    continue
                 i = thinned(len(t), 0) if len(t) else np.empty(0, dtype=np.int64)
                 for k, axes in enumerate(cells.ravel()[: len(names)]):
                     axes.plot(t[i], values[i, k], style, color=colour, lw=width, label="" if number else side)

@@ -47,7 +47,7 @@ class ExportedRun:
 def read_run(folder: Path) -> ExportedRun:
     """Read the run in a folder; errors as of ``mathnavi.renders.web.scene.read_scene``."""
     scene, run = read_scene(folder), load_run(folder)
-    channels = channels_of(run.vehicles, run.states, read_activation_names(folder))
+    channels = channels_of(run.vehicles, run.signals, read_activation_names(folder))
     documents = {name: read_text(folder / name, RunFolderError) for name in DOCUMENTS}
     return ExportedRun(scene, channels, run.events, run.config, documents)
 
@@ -73,9 +73,10 @@ def surfaces_of(scene: Scene) -> list[Surface]:
 def mesh_of(surface: Surface) -> Mesh:
     """Return a surface as a mesh; a picture on it becomes the colours of its vertices."""
     vertices, faces = surface.vertices, surface.faces
-    if surface.picture and len(vertices) == 4:  # a flat floor, whose corners alone would show nothing of the picture
+    pictured = bool(surface.picture) and not surface.tiled  # of a small picture that repeats, vertices show nothing
+    if pictured and len(vertices) == 4:  # a flat floor, whose corners alone would show nothing of the picture
         vertices, faces = _grid(surface)
-    colours = None if not surface.picture else _painted(vertices, surface)
+    colours = None if not pictured else _painted(vertices, surface)
     if not surface.smooth:
         colours = None if colours is None else colours[faces].reshape(-1, 3)
         vertices, faces = vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)

@@ -15,6 +15,7 @@ import matplotlib
 import numpy as np
 
 from mathnavi.interfaces.checks import is_plain_name
+from mathnavi.interfaces.signal_names import name_and_unit
 from mathnavi.renders.blitted import Blitted
 from mathnavi.renders.drawing import Drawing
 from mathnavi.renders.figures import BOUND, STYLE
@@ -83,7 +84,7 @@ def overlay(run: GenericRun, frame: Frame) -> Overlay:
     state = log.x[index(log.t, frame.t)]
     several = len(run.vehicles) > 1
     values = [] if several else [_value(label, value) for label, value in zip(run.states[name], state, strict=True)]
-    flown: list[SceneElement | Key] = [SceneElement.FLOWN]
+    flown: list[SceneElement | Key] = [SceneElement.PATH]
     if several:
         flown = [Key(each, vehicle_colour(k)) for k, each in enumerate(run.vehicles)]
     return Overlay(
@@ -107,9 +108,8 @@ def _plain(config: object, part: str) -> str:
 
 def _value(label: str, value: float) -> tuple[str, str, str]:
     """A state's name, value and unit: "heading [rad]" is 0.41 rad."""
-    name, _, unit = label.partition(" [")
-    unit = unit.rstrip("]")
-    return name.replace("_", " "), f"{value:.3g}{f' {unit}' if unit not in ('', '-') else ''}", ""
+    name, unit = name_and_unit(label)
+    return name, f"{value:.3g}{f' {unit}' if unit else ''}", ""
 
 
 class Board:

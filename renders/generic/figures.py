@@ -1,10 +1,10 @@
-"""Charts of a run from its log alone: states, inputs, readings, estimates and their errors, under the names and units
-of the log.
+"""Figures of a run from its charts (``mathnavi.renders.scene.charts``): states, estimates, errors, readings, inputs,
+under the names and units of the log.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import matplotlib
 import numpy as np
@@ -12,142 +12,92 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders.figures import STYLE, canvas, colour_of, thinned
-from mathnavi.renders.generic.run_data import GenericRun, estimates
-from mathnavi.renders.palette import SceneElement, hexadecimal, vehicle_colour
+from mathnavi.renders.figures import STYLE, canvas
+from mathnavi.renders.generic.run_data import GenericRun
+from mathnavi.renders.palette import hexadecimal
+from mathnavi.renders.scene.charts import TRUE, estimate_charts, state_charts
+from mathnavi.renders.scene.elements import Chart, Series
 
-MOST_ROWS = 12  # of charts in a figure; of more states the first ones are drawn
-MOST_NUMBERED = 4  # lines of a chart that are numbered beside it
-READING_PREFIX, ESTIMATE_PREFIX = "measurement.", "estimate."  # of the names of arrays
+MOST_ROWS = 12  # of charts in a figure; of more the first ones are drawn
+MOST_NAMED = 8  # lines of a chart that are named beside it
 WIDTH, ROW = 9.4, 1.25  # [inches]
-TRUTH, ESTIMATE = colour_of(SceneElement.TRUE_PATH), colour_of(SceneElement.ESTIMATE)
+BAND = 0.18  # opacity
 
 
 def states_figure(run: GenericRun, most: int = MOST_ROWS) -> Figure:
-    """Every state over time, and its estimate."""
-    name, log = next(iter(run.vehicles.items()))
-    labels = run.states[name][:most]
-    with matplotlib.rc_context(STYLE):
-        figure, panels = _panels(len(labels))
-        rows, found = thinned(len(log.t), 0), None if len(run.vehicles) > 1 else estimates(log)
-        for k, (axes, label) in enumerate(zip(panels, labels, strict=True)):
-            for number, (vehicle, each) in enumerate(run.vehicles.items()):
-                colour = TRUTH if len(run.vehicles) == 1 else hexadecimal(vehicle_colour(number))
-                legend = "truth" if len(run.vehicles) == 1 else vehicle
-                axes.plot(each.t[rows], each.x[rows, k], color=colour, lw=2.2 if found else 1.4, label=legend)
-            if found is not None:
-                shown = thinned(len(found.t), 0)
-                axes.plot(found.t[shown], found.x[shown, k], color=ESTIMATE, lw=1.1, label="estimate")
-            drawn = [each.x[:, k] for each in run.vehicles.values()]
-            believed = [] if found is None else [np.nanpercentile(found.x[:, k], (1.0, 99.0))]
-            _ends(axes, label, _within(np.concatenate([*drawn, *believed])))
-        if found is not None or len(run.vehicles) > 1:
-            panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=8, borderaxespad=0.1)
-        panels[-1].set(xlabel="time [s]", xlim=(0.0, run.duration))
+    """What an estimator estimates, then the states over time, with their estimates."""
+    figure = charts_figure([*estimate_charts(run), *state_charts(run)], run.duration, most)
+    assert figure is not None  # no vehicle is without a state
     return figure
 
 
-def inputs_figure(run: GenericRun) -> Figure | None:
-    """Draw every input over time; None without inputs."""
-    count = min(max(log.u.shape[1] for log in run.vehicles.values()), MOST_ROWS)
-    if count == 0:
+def charts_figure(charts: Sequence[Chart], duration: float, most: int = MOST_ROWS) -> Figure | None:
+    """Draw the first charts of a run of a duration [s] below each other; None without any."""
+    if not charts:
         return None
     with matplotlib.rc_context(STYLE):
-        figure, panels = _panels(count)
-        for number, (vehicle, log) in enumerate(run.vehicles.items()):
-            rows = thinned(len(log.t), 0)
-            colour = TRUTH if len(run.vehicles) == 1 else hexadecimal(vehicle_colour(number))
-            for k, axes in enumerate(panels[: log.u.shape[1]]):
-                axes.plot(log.t[rows], log.u[rows, k], color=colour, lw=1.2, label=vehicle, drawstyle="steps-post")
-                axes.set_ylabel(f"input {k + 1}")
-        if len(run.vehicles) > 1:
-            panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=8, borderaxespad=0.1)
-        panels[-1].set(xlabel="time [s]", xlim=(0.0, run.duration))
-    return figure
-
-
-def errors_figure(run: GenericRun) -> Figure | None:
-    """Estimate less truth of every state; None where no estimator estimates the state."""
-    known = {name: found for name, log in run.vehicles.items() if (found := estimates(log)) is not None}
-    if not known:
-        return None
-    labels = run.states[next(iter(known))][:MOST_ROWS]
-    with matplotlib.rc_context(STYLE):
-        figure, panels = _panels(len(labels))
-        for number, found in enumerate(known.values()):
-            rows = thinned(len(found.t), 0)
-            colour = ESTIMATE if len(known) == 1 else hexadecimal(vehicle_colour(number))
-            for k, (axes, label) in enumerate(zip(panels, labels, strict=True)):
-                axes.plot(found.t[rows], found.error[rows, k], color=colour, lw=1.1)
-                _ends(axes, label, _within(found.error[:, k]))
-        panels[-1].set(xlabel="time [s]", xlim=(0.0, run.duration))
-    return figure
-
-
-def estimates_figure(run: GenericRun) -> Figure | None:
-    """Draw the estimate of a vehicle whose estimator estimates something else than its state, with what it says
-    besides; None without one.
-    """
-    log = next(iter(run.vehicles.values()))
-    t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
-    if t is None or x is None or x.ndim != 2 or not len(t) or estimates(log) is not None:
-        return None
-    further = {name.removeprefix(ESTIMATE_PREFIX): log.arrays[name] for name in sorted(log.arrays)}
-    further = {
-        name: values.reshape(len(t), -1)
-        for name, values in further.items()
-        if f"{ESTIMATE_PREFIX}{name}" in log.arrays and name not in ("t", "x", "unused") and values.size == len(t)
-    }
-    columns = {**{f"estimate {k + 1}": x[:, [k]] for k in range(x.shape[1])}, **further}
-    return _columns_figure({name: (t, values) for name, values in list(columns.items())[:MOST_ROWS]}, run.duration)
-
-
-def readings_figure(run: GenericRun) -> Figure | None:
-    """Draw the readings of each sensor of a vehicle over time, a line for each component; None without readings."""
-    log = next(iter(run.vehicles.values()))
-    columns = {}
-    for name in sorted(name for name in log.arrays if name.startswith(READING_PREFIX)):
-        values = log.arrays[name].reshape(len(log.t), -1)
-        read = np.isfinite(values).any(axis=1)
-        if read.any():
-            columns[name.removeprefix(READING_PREFIX)] = log.t[read], values[read]
-    return _columns_figure(dict(list(columns.items())[:MOST_ROWS]), run.duration) if columns else None
-
-
-def _columns_figure(columns: Mapping[str, tuple[Array, Array]], duration: float) -> Figure:
-    """One panel for each name, with a line for each column of its values (k, m) at the times (k,) [s]."""
-    with matplotlib.rc_context(STYLE):
-        figure, panels = _panels(len(columns))
-        for axes, (name, (t, values)) in zip(panels, columns.items(), strict=True):
-            rows = thinned(len(t), 0)
-            several = values.shape[1] > 1
-            for k in range(values.shape[1]):
-                colour = hexadecimal(vehicle_colour(k)) if several else ESTIMATE
-                axes.plot(t[rows], values[rows, k], color=colour, lw=1.1, label=str(k + 1))
-            if 1 < values.shape[1] <= MOST_NUMBERED:
-                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=8, borderaxespad=0.1)
-            _ends(axes, name, _within(values))
+        shown = charts[:most]
+        figure = canvas(WIDTH, 0.5 + ROW * len(shown))
+        panels = list(np.atleast_1d(figure.subplots(len(shown), 1, sharex=True)))
+        before: tuple[str, ...] = ()
+        for axes, chart in zip(panels, shown, strict=True):
+            for series in chart.series:
+                _draw(axes, series, wide=series.name == TRUE and len(chart.series) > 1)
+            names = tuple(series.name for series in chart.series if series.name)
+            if names and names != before and len(names) <= MOST_NAMED:  # once where it stays the same
+                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_NAMED, borderaxespad=0.1)
+            before = names
+            axes.set_ylabel(_label(chart))
+            if (limits := _within(chart.series)) is not None:
+                axes.set_ylim(*limits)
         panels[-1].set(xlabel="time [s]", xlim=(0.0, duration))
     return figure
 
 
-def _panels(count: int) -> tuple[Figure, Sequence[Axes]]:
-    figure = canvas(WIDTH, 0.5 + ROW * count)
-    panels = np.atleast_1d(figure.subplots(count, 1, sharex=True))
-    return figure, list(panels)
+def _draw(axes: Axes, series: Series, *, wide: bool) -> None:
+    colour = hexadecimal(series.colour)
+    if series.band is not None:
+        axes.fill_between(series.t, series.y - series.band, series.y + series.band, color=colour, alpha=BAND, lw=0.0)
+    axes.plot(
+        series.t, series.y, color=colour, lw=2.2 if wide else 1.2, label=series.name,
+        ls="--" if series.dashed else "-", drawstyle="steps-post" if series.step else "default",
+    )  # fmt: skip
 
 
-def _ends(axes: Axes, label: str, limits: tuple[float, float] | None) -> None:
-    axes.set_ylabel(label.replace("_", " ").replace(" [", "\n[").removesuffix("\n[-]"))
-    if limits is not None:
-        axes.set_ylim(*limits)
+def _label(chart: Chart) -> str:
+    """Title and unit, in lines that are short enough for a panel."""
+    words, lines = chart.title.split(" "), [""]
+    for word in words:
+        if lines[-1] and len(lines[-1]) + len(word) >= 16:
+            lines.append("")
+        lines[-1] = f"{lines[-1]} {word}".strip()
+    return "\n".join([*lines, *([f"[{chart.unit}]"] if chart.unit else [])])
 
 
-def _within(values: Array) -> tuple[float, float] | None:
-    """Limits of an axis; None where there is no finite value."""
-    finite = values[np.isfinite(values)]
-    if not len(finite):
+def _within(series: Sequence[Series]) -> tuple[float, float] | None:
+    """Limits of an axis, which hold the curves and what is usual of their bands, but not the hundredth of an estimate
+    that is farthest off; None where there is no finite value.
+    """
+    ends: list[float] = []
+    for each in series:
+        finite: Array = each.y[np.isfinite(each.y)]
+        if len(finite):
+            share = (0.0, 100.0) if each.name in ("", TRUE) or not _is_estimate(each) else (1.0, 99.0)
+            half = 0.0 if each.band is None else _usual(each.band)
+            low, high = np.percentile(finite, share).tolist()
+            ends += [low - half, high + half]
+    if not ends:
         return None
-    low, high = float(finite.min()), float(finite.max())
+    low, high = min(ends), max(ends)
     margin = 0.08 * (high - low) or 0.5 * max(abs(high), 1e-6)
     return low - margin, high + margin
+
+
+def _usual(band: Array) -> float:
+    """Half the height of three quarters of a band: wider it is at the start, where an estimator knows little."""
+    finite = band[np.isfinite(band)]
+    return float(np.percentile(finite, 75.0)) if len(finite) else 0.0
+
+
+def _is_estimate(series: Series) -> bool:
+    return series.name.endswith("estimate")

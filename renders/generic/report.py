@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from mathnavi.renders import page
 from mathnavi.renders.figures import cost_figure
 from mathnavi.renders.generic.drawing import highlight, verdict
-from mathnavi.renders.generic.figures import (
-    MOST_ROWS,
-    errors_figure,
-    estimates_figure,
-    inputs_figure,
-    readings_figure,
-    states_figure,
-)
-from mathnavi.renders.generic.run_data import GenericRun, estimates
+from mathnavi.renders.generic.figures import MOST_ROWS, charts_figure, states_figure
+from mathnavi.renders.generic.run_data import GenericRun, RecordedEstimates, estimates
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.scene.charts import (
+    DEVIATIONS,
+    difference_charts,
+    estimate_charts,
+    input_charts,
+    reading_charts,
+    state_charts,
+)
+from mathnavi.renders.scene.elements import Chart
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 
 MOST_TILES = 5
@@ -31,14 +35,8 @@ def report(run: GenericRun) -> Markup:
 
 
 def at_a_glance(run: GenericRun) -> Figure:
-    """The states over time, with their estimates."""
+    """What is estimated and the states over time, with the estimates."""
     return states_figure(run)
-
-
-def _left_out(run: GenericRun) -> str:
-    """Sentence on the states that are not drawn; "" if all are."""
-    most = max(map(len, run.states.values()))
-    return f" The first {MOST_ROWS} of {most} states are drawn." if most > MOST_ROWS else ""
 
 
 def _headline(run: GenericRun) -> Headline:
@@ -54,33 +52,51 @@ def _headline(run: GenericRun) -> Headline:
 def _pictures(run: GenericRun) -> list[Markup]:
     if run.scene is None:
         return []
-    middle = sum(highlight(run)) / 2.0
+    middle, over = sum(highlight(run)) / 2.0, ", with the estimate over it" if run.scene.has_ghost() else ""
     return [
         still_block(
             run.directory, "fixed", run.duration, "The whole run.", "Where it went, at the end of the run."
         ),
         still_block(
             run.directory, "track", middle, f"The scene {middle:.1f} s after the start.",
-            f"The scene {middle:.1f} s after the start; the estimate is drawn over it where there is one.",
+            f"The scene {middle:.1f} s after the start{over}.",
         ),
     ]  # fmt: skip
 
 
 def _figures(run: GenericRun) -> list[Drawn]:
-    estimated = len(run.vehicles) == 1 and estimates(next(iter(run.vehicles.values()))) is not None
-    caption = "The states over time, truth and estimate." if estimated else "The states over time."
-    drawn: list[Drawn] = [("states", states_figure(run), f"{caption}{_left_out(run)}")]
-    if (inputs := inputs_figure(run)) is not None:
-        drawn.append(("inputs", inputs, "The commands to the actuators, in their order in the model."))
-    whose = f", of {next(iter(run.vehicles))}" if len(run.vehicles) > 1 else ""
-    if (others := estimates_figure(run)) is not None:
-        drawn.append(("estimates", others, f"The estimate, which is not of the whole state, over time{whose}."))
-    if (readings := readings_figure(run)) is not None:
-        drawn.append(("readings", readings, f"The readings of each sensor, a line for each number{whose}."))
-    if (errors := errors_figure(run)) is not None:
-        drawn.append(("errors", errors, "Estimate less truth, state by state."))
+    found = [estimates(log, run.signals[name]) for name, log in run.vehicles.items()]
+    single = found[0] if len(found) == 1 else None
+    whole = single is not None and single.whole
+    parts: list[tuple[str, list[Chart], str]] = [
+        ("estimates", estimate_charts(run), _of_estimates(single)),
+        ("states", state_charts(run), f"The states over time{', truth and estimate' if whole else ''}"),
+        ("errors", difference_charts(run), f"Estimate less truth, number by number{_banded(found)}"),
+        ("inputs", input_charts(run), "The commands to the actuators over time"),
+        ("readings", reading_charts(run), "The readings of each sensor over time"),
+    ]
+    drawn: list[Drawn] = []
+    for name, charts, caption in parts:
+        if (figure := charts_figure(charts, run.duration)) is not None:
+            more = f" The first {MOST_ROWS} of {len(charts)} charts are drawn." if len(charts) > MOST_ROWS else ""
+            drawn.append((name, figure, f"{caption}{_banded(found[:1]) if name == 'states' and whole else ''}.{more}"))
     for log in list(run.vehicles.values())[:1]:
         if any(np.isfinite(plan.cost) for plan in log.plans):
             cost = cost_figure(log.plans, log.adopted, run.duration)
             drawn.append(("cost", cost, "The objective of the plan that is followed, over time."))
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]
+
+
+def _of_estimates(found: RecordedEstimates | None) -> str:
+    """Caption of the charts of an estimate that are not charts of states."""
+    if found is None or found.whole:
+        return "Further figures of the estimate over time"
+    known = np.isfinite(found.truth).any(axis=0)
+    beside = ", and the truth" if known.all() else ", and the truth where it is declared" if known.any() else ""
+    return f"The estimate over time{beside}{_banded([found])}"
+
+
+def _banded(found: Sequence[RecordedEstimates | None]) -> str:
+    """What a band about a curve is; "" where there is none."""
+    banded = any(each is not None and each.deviation is not None for each in found)
+    return f"; the bands are {DEVIATIONS:g} standard deviations of the estimate to either side" if banded else ""

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.interfaces.signal_names import SignalNames, difference
 from mathnavi.interfaces.signals import Array, Event, Status
 from mathnavi.renders.generic.scene_data import SceneData, scene_data
+from mathnavi.sim.records.log_arrays import DEVIATION, ESTIMANDS
 from mathnavi.sim.records.run_folder import (
     NothingToDrawError,
     RunLog,
@@ -18,7 +20,7 @@ from mathnavi.sim.records.run_folder import (
     read_fleet,
     read_log,
     read_scene,
-    read_state_names,
+    read_signal_names,
 )
 
 
@@ -31,13 +33,18 @@ class GenericRun:
     summary: Mapping[str, Any]
     events: tuple[Event, ...]  # in order of time
     vehicles: Mapping[str, RunLog]
-    states: Mapping[str, tuple[str, ...]]  # (nx,) names with units, by vehicle
+    signals: Mapping[str, SignalNames]  # by vehicle
     scene: SceneData | None
 
     @property
     def t(self) -> Array:
         """(n,) [s] the times of the samples."""
         return next(iter(self.vehicles.values())).t
+
+    @property
+    def states(self) -> dict[str, tuple[str, ...]]:
+        """(nx,) names of the states with units, by vehicle."""
+        return {name: each.states for name, each in self.signals.items()}
 
     @property
     def duration(self) -> float:
@@ -59,36 +66,58 @@ class GenericRun:
 
 @dataclass(frozen=True, eq=False)
 class RecordedEstimates:
-    """Estimates with the truth, of a vehicle whose estimator estimates its state."""
+    """Estimates of a vehicle with the truth, as far as it is known: of its whole state, or of a part of it."""
 
     t: Array  # (k,) [s]
-    x: Array  # (k, nx)
-    error: Array  # (k, nx) estimate less truth
+    x: Array  # (k, m)
+    names: tuple[str, ...]  # (m,) with units
+    truth: Array  # (n, m) at the samples of the log; NaN where it is not known
+    error: Array  # (k, m) estimate less truth, angles of a part of the state from -pi to pi
+    deviation: Array | None  # (k, m) by its covariance; None if it has none
+    whole: bool  # whether its numbers are the states
 
 
-def estimates(log: RunLog) -> RecordedEstimates | None:
-    """Return the estimates of a vehicle; None without estimates, or if they are not of its states."""
+def estimates(log: RunLog, signals: SignalNames) -> RecordedEstimates | None:
+    """Return the estimates of a vehicle; None without any."""
     t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
-    if t is None or x is None or x.shape[1:] != log.x.shape[1:] or not len(t):
+    if t is None or x is None or x.ndim != 2 or not x.size:
         return None
-    rows = np.clip(np.searchsorted(log.t, t + 1e-9, side="right") - 1, 0, len(log.t) - 1)
-    return RecordedEstimates(t, x, x - log.x[rows])
+    size, rows = x.shape[1], np.clip(np.searchsorted(log.t, t + 1e-9, side="right") - 1, 0, len(log.t) - 1)
+    names = signals.of_estimate(size) or tuple(f"estimate {k + 1}" for k in range(size))
+    if names == signals.states:
+        return RecordedEstimates(t, x, names, log.x, x - log.x[rows], _deviation(log, x), True)
+    known = {name: log.x[:, k] for k, name in enumerate(signals.states)}
+    estimands = log.arrays.get(ESTIMANDS)
+    if estimands is not None and estimands.shape[1] == len(signals.estimands):
+        known |= {name: estimands[: len(log.t), k] for k, name in enumerate(signals.estimands)}
+    truth = np.column_stack([known.get(name, np.full(len(log.t), np.nan)) for name in names])
+    error = np.column_stack([difference(name, x[:, k], truth[rows, k]) for k, name in enumerate(names)])
+    return RecordedEstimates(t, x, names, truth, error, _deviation(log, x), False)
+
+
+def _deviation(log: RunLog, x: Array) -> Array | None:
+    """(k, m) standard deviations of the estimates x (k, m); None if none is recorded."""
+    found = log.arrays.get(DEVIATION)
+    covariance = log.arrays.get("estimate.covariance")
+    if found is None and covariance is not None and covariance.shape == (*x.shape, x.shape[1]):
+        found = np.sqrt(np.maximum(np.einsum("kii->ki", covariance), 0.0))
+    return found if found is not None and found.shape == x.shape and np.isfinite(found).any() else None
 
 
 def load_run(directory: str | Path) -> GenericRun:
     """Read a run's folder; FileNotFoundError if a file is missing, RunFolderError if one is broken."""
-    folder, states = Path(directory), read_state_names(directory)
-    if len(states) > 1:
+    folder, signals = Path(directory), read_signal_names(directory)
+    if len(signals) > 1:
         fleet = read_fleet(folder)
         config, summary, events, vehicles = fleet.config, fleet.summary, fleet.events, dict(fleet.vehicles)
     else:
         log = read_log(folder, may_diverge=True)
-        config, summary, events, vehicles = log.config, log.summary, log.events, {next(iter(states)): log}
+        config, summary, events, vehicles = log.config, log.summary, log.events, {next(iter(signals)): log}
     if len(next(iter(vehicles.values())).t) < 2:
         raise NothingToDrawError(f"{str(folder)!r}: the run ended at its first sample")
     arrays = read_scene(folder)
     scene = None if arrays is None else scene_data(arrays, str(folder))
-    return GenericRun(folder, config, summary, events, vehicles, states, scene)
+    return GenericRun(folder, config, summary, events, vehicles, signals, scene)
 
 
 def index(times: Array, t: float) -> int:

@@ -53,8 +53,8 @@ def generic_scene(run: GenericRun) -> Scene:
     lines, marks = [], []
     size = reach(scene)
     for number, (name, body) in enumerate(scene.vehicles.items()):
-        colour = vehicle_colour(number) if several else COLOURS[SceneElement.FLOWN]
-        layer = Layer(name if several else SceneElement.FLOWN.value, colour)
+        colour = vehicle_colour(number) if several else COLOURS[SceneElement.PATH]
+        layer = Layer(name if several else SceneElement.PATH.value, colour)
         lines.append(flown(t, a["pos"][:, body].astype(float), layer))
         if f"body {body}" not in motions:
             motions[f"body {body}"] = Motion(t[:1], a["pos"][:1, body].astype(float), a["quat"][:1, body].astype(float))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array
-from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE
+from mathnavi.sim.engine.scene_record import FIELD, MESH, MOST_PIXELS, PLANE
 from mathnavi.sim.records.run_folder import SCENE
 
 MOST_SIZE = 1e7  # [m] of a shape, and of its distance
@@ -38,6 +38,7 @@ _SHAPES: Mapping[str, tuple[str | int, ...]] = {
     "camera.quat": ("cameras", 4),
     "camera.field_of_view": ("cameras",),
 }
+_PICTURED: Mapping[str, tuple[str | int, ...]] = {"geom.texture": ("geoms",), "geom.repeat": ("geoms", 2)}
 _TEXTS = ("bodies", "vehicles", "camera.names")
 _QUATERNIONS = ("quat", "geom.quat", "camera.quat")
 _INDICES = ("geom.body", "geom.type", "geom.data", "camera.body", "vehicle_bodies")
@@ -100,7 +101,8 @@ def scene_data(arrays: Mapping[str, Array], where: str) -> SceneData:
 
     sizes: dict[str, int] = {}
     optional = {f"estimate.{name}": _SHAPES[name] for name in ("pos", "quat") if f"estimate.{name}" in arrays}
-    for name, shape in {**_SHAPES, **optional}.items():
+    pictured = _PICTURED if "geom.texture" in arrays else {}  # a scene of a former version has none
+    for name, shape in {**_SHAPES, **optional, **pictured}.items():
         if name not in arrays:
             raise refused(f"{name} is missing")
         values = arrays[name]
@@ -128,6 +130,8 @@ def scene_data(arrays: Mapping[str, Array], where: str) -> SceneData:
         if not (np.abs(np.linalg.norm(arrays[name], axis=-1) - 1.0) < UNIT).all():
             raise refused(f"{name} holds quaternions that are not of length 1")
     _check_surfaces(arrays, refused)
+    if pictured:
+        _check_pictures(arrays, refused)
     names = arrays["vehicles"].tolist()
     return SceneData(dict(arrays), {name: plan for name in names if (plan := _plan(arrays, name, refused))})
 
@@ -145,6 +149,21 @@ def _check_surfaces(arrays: Mapping[str, Array], refused: Refused) -> None:
             continue
         if not whole:
             raise refused(f"the {'mesh' if kind == MESH else 'field'} {data} is missing or not whole")
+
+
+def _check_pictures(arrays: Mapping[str, Array], refused: Refused) -> None:
+    """Refuse pictures of planes that are not there or not whole."""
+    for texture, repeat in zip(arrays["geom.texture"].tolist(), arrays["geom.repeat"], strict=True):
+        if texture == -1:
+            continue
+        if not (isinstance(texture, int) and texture >= 0):
+            raise refused("geom.texture holds indices that do not exist; allowed: whole numbers from -1 on")
+        picture = arrays.get(f"texture.{texture}")
+        whole = picture is not None and picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3
+        if picture is None or not whole or not (min(picture.shape) > 0 and max(picture.shape) <= MOST_PIXELS):
+            raise refused(f"the texture {texture} is missing or not whole")
+        if not (repeat > 0.0).all():
+            raise refused("geom.repeat holds numbers that are not positive")
 
 
 def _is_mesh(vertices: Array, faces: Array) -> bool:

@@ -51,7 +51,8 @@ class LagrangianRun(LoggedRun):
     @property
     def diverged(self) -> bool:
         """True if the run ended early, because the state was no longer finite."""
-        return self.duration < float(self.log.config["fields"]["duration"]) - TIME_TOLERANCE
+        asked = self.log.config.get("fields", {}).get("duration")
+        return isinstance(asked, int | float) and self.duration < asked - TIME_TOLERANCE
 
     @property
     def is_ball(self) -> bool:
@@ -124,7 +125,7 @@ class LagrangianRun(LoggedRun):
     @cached_property
     def lyapunov_gain(self) -> float | None:
         """B of V and W; None for an estimator that is not the observer (D.6), or has a bandwidth for each joint."""
-        fields = self.log.config["estimator"]["fields"]
+        fields = self.log.config.get("estimator", {}).get("fields", {})
         if not {"bandwidth", "gains"} <= set(fields) or self.has_tuned_bandwidths:
             return None
         return IntrinsicGains(float(fields["bandwidth"] or DEFAULT_BANDWIDTH), law=fields["gains"]).velocity()
@@ -223,7 +224,10 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
-        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
+        raise RunFolderError(
+            f"{str(log.directory)!r}: estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states "
+            f"{states}"
+        )
     innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
     return LagrangianRun(
         log,

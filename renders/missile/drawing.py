@@ -76,8 +76,9 @@ def overlay(run: MissileRun, frame: Frame) -> Overlay:
     """Return the overlay of a frame."""
     i = run.index(frame.t)
     x = run.coordinates.in_space(run.x[i])
-    case, config = run.log.config["mission"]["case"]["name"], run.log.config
-    title = [f"mathnavi · {config['scenario']} · {case} · seed {config['seed']}"]
+    config = run.log.config
+    parts = ("mathnavi", config["scenario"], run.case.removeprefix("case "), f"seed {config['seed']}")
+    title = [" · ".join(filter(None, parts))]
     if frame.camera == "side" or (frame.camera == "target" and run.distance(frame.t) > TO_SCALE):
         title.append("missile and target not to scale")
     moves = any(any(leg.velocity) for leg in run.target.legs)

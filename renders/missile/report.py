@@ -43,22 +43,21 @@ INPUTS = {
 
 def report(run: MissileRun) -> Markup:
     """Return the report's HTML."""
-    case = run.log.config["mission"]["case"]["name"]
-    title = f"{run.log.config['scenario']}, case {case}, seed {run.log.config['seed']}"
+    title = ", ".join(filter(None, (run.log.config["scenario"], run.case, f"seed {run.log.config['seed']}")))
     path = page.section("The path", page.figure_block(path_figure(run), "path", _path_caption(run)))
     flight = page.section("The flight", *page.figure_blocks(_figures(run)))
     return run_page(run, _headline(run, title), (path, *_pictures(run)), (flight,))
 
 
 def _headline(run: MissileRun, title: str) -> Headline:
-    summary, mission = run.log.summary, run.log.config["mission"]
-    aspect, allowed = summary.get("aspect_error_deg"), float(mission["aspect_allowed"])
-    hit = run.approach.miss <= run.miss_allowed
-    good = hit and aspect is not None and aspect <= allowed
+    summary, allowed = run.log.summary, run.aspect_allowed
+    aspect, hit = summary.get("aspect_error_deg"), run.approach.miss <= run.miss_allowed
+    good = hit and aspect is not None and (allowed is None or aspect <= allowed)
+    within = "" if allowed is None else f" (allowed {allowed:g} deg)"
     turned = f"its nose {quantity('aspect_error_deg', aspect)} off {math.degrees(run.aspect_angle):g} deg"
     tiles = {
         f"miss (allowed {run.miss_allowed:g} m)": quantity("miss_m", run.approach.miss),
-        f"aspect angle error (allowed {allowed:g} deg)": quantity("aspect_error_deg", aspect),
+        f"aspect angle error{within}": quantity("aspect_error_deg", aspect),
         "impact speed": quantity("impact_speed_m_s", summary.get("impact_speed_m_s")),
         f"flight (planned {quantity('planned_time_s', summary.get('planned_time_s'))})": quantity(
             "impact_time_s", summary.get("impact_time_s")

@@ -41,6 +41,8 @@ class MissileRun(LoggedRun):
     azimuth: float  # [rad] of the frame of the run from the x of the world, to the left
     input_max: Array  # (nu,)
     miss_allowed: float  # [m]
+    aspect_allowed: float | None  # [deg]; None where it is not recorded
+    case: str  # "" where it is not recorded
     weight: float  # [N] m g, the unit of forces
 
     @cached_property
@@ -146,5 +148,7 @@ def _described(log: RunLog, mission: MissileRecord) -> MissileRun:
         math.radians(mission.azimuth),
         np.array(mission.input_max),
         mission.miss_allowed,
+        mission.aspect_allowed,
+        "" if mission.case is None else f"case {mission.case.name}",
         NOMINAL.mass * NOMINAL.gravity,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Collection, Mapping
 from itertools import product
@@ -10,6 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
@@ -19,6 +21,7 @@ from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
 GHOST_OPACITY = 0.42
 GHOST_SIZE = 0.95
 FLOOR_COLOUR: Colour = (0.86, 0.88, 0.90)
+UNPAINTED = (0.5, 0.5, 0.5, 1.0)  # colour of shapes whose file states none
 MOST_SWEPT = 40  # poses of a motion
 MOST_NODES = 257  # along the longer side of a field
 AROUND, LEVELS = 24, 12  # of a round shape
@@ -59,8 +62,10 @@ def body_surfaces(
     """Surfaces of the shapes ``a``; bodies without a motion stand where ``still`` has them, (nb, 3) and (nb, 4).
 
     Shapes of one motion, colour and kind are one surface. ``colour`` replaces that of the shapes; ``endless`` [m] is
-    half the side of planes without a size; ``floor`` colour and side [m] of the squares of planes.
+    half the side of planes without a size; ``floor`` colour and side [m] of the squares of planes. Without it planes
+    have their own picture or colour, and squares over a colour.
     """
+    textures = a.get("geom.texture", np.full(len(a["geom.body"]), -1))
     ground, square = floor or (FLOOR_COLOUR, 10.0 ** np.floor(np.log10(max(0.005 * endless, 1e-6))))
     found: dict[tuple[Any, ...], list[tuple[Array, NDArray[np.int64]]]] = {}
     for k, (body, kind, data) in enumerate(zip(a["geom.body"], a["geom.type"], a["geom.data"], strict=True)):
@@ -74,20 +79,30 @@ def body_surfaces(
         rgba = tuple(np.round(np.clip(a["geom.rgba"][k].astype(float), 0.0, 1.0), 3).tolist())
         if rgba[3] == 0.0:
             continue
-        found.setdefault((motion, rgba, smooth, int(kind) == PLANE), []).append((vertices, faces))
+        tile = None if floor is not None or textures[k] < 0 else (int(textures[k]), *a["geom.repeat"][k].tolist())
+        found.setdefault((motion, rgba, smooth, int(kind) == PLANE, tile), []).append((vertices, faces))
     surfaces = []
-    for (motion, rgba, smooth, is_floor), parts in found.items():
+    for (motion, rgba, smooth, is_floor, tile), parts in found.items():
+        plain = ground if floor is not None or rgba == UNPAINTED else rgba[:3]
         counts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
         surfaces.append(
             Surface(
                 np.vstack([vertices for vertices, _ in parts]),
                 np.vstack([faces + first for (_, faces), first in zip(parts, counts, strict=False)]),
-                ground if is_floor else (colour or rgba[:3]), rgba[3], motion, layer, smooth, glow, span,
+                plain if is_floor else (colour or rgba[:3]), rgba[3], motion, layer, smooth, glow, span,
                 checker=float(square) if is_floor else 0.0,
                 shadow=motion is not None and rgba[3] == 1.0,
+                **({} if tile is None else _tiled(a[f"texture.{tile[0]}"], tile[1:], rgba[:3])),
             )
         )  # fmt: skip
     return surfaces
+
+
+def _tiled(picture: Array, repeat: tuple[float, float], tint: Colour) -> dict[str, Any]:
+    """Fields of a surface with a picture in a colour that repeats so often [1/m]."""
+    file = io.BytesIO()
+    Image.fromarray((picture[::-1] * np.asarray(tint)).round().astype(np.uint8)).save(file, "PNG")
+    return {"picture": file.getvalue(), "picture_box": (0.0, 0.0, 1.0 / repeat[0], 1.0 / repeat[1]), "tiled": True}
 
 
 def ghosts(

@@ -1,28 +1,41 @@
-"""Charts of a run from its log: states with their estimates, estimate errors, inputs."""
+"""Charts of a run from its log, under the names of its signals: states and estimates, errors, readings, inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from mathnavi.interfaces.signal_names import name_and_unit, numbered
 from mathnavi.interfaces.signals import Array
-from mathnavi.renders.generic.run_data import GenericRun, estimates
+from mathnavi.renders.generic.run_data import GenericRun, RecordedEstimates, estimates
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colour
 from mathnavi.renders.scene.elements import Chart, Series
 from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.log_arrays import ESTIMATED, SAMPLED
 from mathnavi.sim.records.run_folder import described
 from mathnavi.sim.records.timing import read_timing, slow_components
 
 MOST_POINTS = 1200  # of a curve
-MOST_CHARTS = 8  # of a kind: of more states or inputs the first ones
 MOST_FACTS = 8
+DEVIATIONS = 2.0  # half the height of the band about an estimate, in standard deviations of its covariance
+TRUE, ESTIMATED_WORD = "truth", "estimate"
+_NOT_FURTHER = ("t", "x", "unused", "deviation", "covariance")  # arrays of an estimate that are not figures besides it
 TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE]
 
 
-def curve(name: str, colour: Colour, t: Array, y: Array, *, step: bool = False, dashed: bool = False) -> Series:
-    """Curve y (n,) over t (n,) [s] with ``MOST_POINTS`` points at most.
+def curve(
+    name: str,
+    colour: Colour,
+    t: Array,
+    y: Array,
+    *,
+    step: bool = False,
+    dashed: bool = False,
+    band: Array | None = None,
+) -> Series:
+    """Curve y (n,) over t (n,) [s] with ``MOST_POINTS`` points at most, and the half height (n,) of a band about it.
 
     Of each stretch between them it keeps the least and the greatest value.
     """
@@ -38,67 +51,198 @@ def curve(name: str, colour: Colour, t: Array, y: Array, *, step: bool = False, 
                 else {first}
             )
         chosen = np.array(sorted({0, len(t) - 1, *rows}), dtype=np.int64)
-        t, y = t[chosen], y[chosen]
-    return Series(name, colour, t, y, step, dashed)
+        t, y, band = t[chosen], y[chosen], None if band is None else band[chosen]
+    return Series(name, colour, t, y, step, dashed, band)
+
+
+def grouped(names: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[tuple[str, str, list[tuple[int, str]]]]:
+    """Return title and unit of each chart of these "name [unit]", and the indices in it with what the lines are called.
+
+    Names of one group and unit are in one chart; numbers without a unit, as quaternions are, come last.
+    """
+    titles = {name: title for title, own in groups.items() for name in own}
+    charts: dict[tuple[str, str], list[int]] = {}
+    for k, words in enumerate(names):
+        unit = name_and_unit(words)[1]
+        title = titles.get(words.partition(" [")[0])
+        charts.setdefault((title or f"\0{k}", unit), []).append(k)
+    found = []
+    for (title, unit), columns in charts.items():
+        plain = [name_and_unit(names[k])[0] for k in columns]
+        if len(columns) == 1:
+            found.append((plain[0], unit, [(columns[0], "")]))
+        else:
+            found.append((title, unit, list(zip(columns, _apart(plain), strict=True))))
+    return [*(each for each in found if each[1]), *(each for each in found if not each[1])]
+
+
+def _apart(names: Sequence[str]) -> list[str]:
+    """Return names without the words with which all of them begin."""
+    words = [name.split(" ") for name in names]
+    common = 0
+    while all(len(each) > common + 1 and each[common] == words[0][common] for each in words):
+        common += 1
+    return [" ".join(each[common:]) for each in words]
 
 
 def state_charts(run: GenericRun) -> list[Chart]:
-    """A chart for each state: truth and estimate, or the vehicles of a fleet."""
+    """Charts of the states: truth and estimate, or the vehicles of a fleet."""
     name, log = next(iter(run.vehicles.items()))
-    found, charts = None if len(run.vehicles) > 1 else estimates(log), []
-    for k, words in enumerate(run.states[name][:MOST_CHARTS]):
-        title, unit = named(words)
-        if len(run.vehicles) > 1:
-            series = [
-                curve(vehicle, vehicle_colour(number), each.t, each.x[:, k])
-                for number, (vehicle, each) in enumerate(run.vehicles.items())
+    if len(run.vehicles) > 1:
+        return [
+            Chart(
+                *name_and_unit(words),
+                [
+                    curve(vehicle, vehicle_colour(number), each.t, each.x[:, k])
+                    for number, (vehicle, each) in enumerate(run.vehicles.items())
+                    if k < each.x.shape[1]
+                ],
+            )
+            for k, words in enumerate(run.states[name])
+        ]
+    found = estimates(log, run.signals[name])
+    return [
+        Chart(title, unit, _lines(columns, log.t, log.x, found if found is not None and found.whole else None))
+        for title, unit, columns in grouped(run.states[name], run.signals[name].groups)
+    ]
+
+
+def estimate_charts(run: GenericRun) -> list[Chart]:
+    """Charts of an estimate that is not of the whole state, with the truth where it is declared, and of the further
+    figures of an estimate, of a single vehicle.
+    """
+    name, log = next(iter(run.vehicles.items()))
+    found = estimates(log, run.signals[name]) if len(run.vehicles) == 1 else None
+    if found is None:
+        return []
+    charts = []
+    if not found.whole:
+        charts = [
+            Chart(title, unit, _lines(columns, log.t, found.truth, found))
+            for title, unit, columns in grouped(found.names, run.signals[name].groups)
+        ]
+    for array in sorted(log.arrays):
+        values, own = log.arrays[array], array.removeprefix(ESTIMATED)
+        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and values.size in (len(found.t), 3 * len(found.t)):
+            columns = values.reshape(len(found.t), -1)
+            lines = [
+                curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), found.t, columns[:, k])
+                for k in range(columns.shape[1])
             ]
-        else:
-            series = [curve("truth", TRUTH, log.t, log.x[:, k])]
-            if found is not None:
-                series.append(curve("estimate", ESTIMATE, found.t, found.x[:, k]))
-        charts.append(Chart(title, unit, series))
+            charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
     return charts
 
 
+def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:
+    """Truth (n, nx) at ``t`` (n,) and estimate of the numbers of one chart, with a band of two deviations about it."""
+    several, series = len(columns) > 1, []
+    for number, (k, called) in enumerate(columns):
+        if np.isfinite(truth[:, k]).any():
+            name = called if several else "" if found is None else TRUE
+            series.append(curve(name, vehicle_colour(number) if several else TRUTH, t, truth[:, k]))
+    for number, (k, called) in enumerate(columns):
+        if found is not None:
+            band = None if found.deviation is None else DEVIATIONS * found.deviation[:, k]
+            words = f"{called} {ESTIMATED_WORD}" if several else ESTIMATED_WORD
+            colour = vehicle_colour(number) if several else ESTIMATE
+            series.append(curve(words, colour, found.t, found.x[:, k], dashed=several, band=band))
+    return series
+
+
 def error_charts(run: GenericRun) -> list[Chart]:
-    """The norm of estimate less truth over the states of one unit, by vehicle."""
+    """The norm of estimate less truth over the numbers of one unit, by vehicle."""
     by_unit: dict[str, list[Series]] = {}
     for number, (name, log) in enumerate(run.vehicles.items()):
-        found = estimates(log)
+        found = estimates(log, run.signals[name])
         if found is None:
             continue
-        units = [named(words)[1] for words in run.states[name]]
+        units = [name_and_unit(words)[1] for words in found.names]
         several = len(run.vehicles) > 1
         for unit in dict.fromkeys(units):
-            columns = [k for k, each in enumerate(units) if each == unit]
-            error = np.linalg.norm(found.error[:, columns], axis=1)
-            colour = vehicle_colour(number) if several else ESTIMATE
-            by_unit.setdefault(unit, []).append(curve(name if several else "", colour, found.t, error))
+            columns = [k for k, each in enumerate(units) if each == unit and np.isfinite(found.error[:, k]).any()]
+            if columns:
+                error = np.linalg.norm(found.error[:, columns], axis=1)
+                colour = vehicle_colour(number) if several else ESTIMATE
+                by_unit.setdefault(unit, []).append(curve(name if several else "", colour, found.t, error))
     return [Chart("estimate error", unit, series) for unit, series in by_unit.items()]
 
 
-def input_charts(run: GenericRun) -> list[Chart]:
-    """A chart for each input."""
-    count = min(max(log.u.shape[1] for log in run.vehicles.values()), MOST_CHARTS)
+def difference_charts(run: GenericRun) -> list[Chart]:
+    """Charts of estimate less truth, number by number, by vehicle, with a band of two deviations about it."""
+    charts: dict[tuple[str, str], list[Series]] = {}
     several = len(run.vehicles) > 1
-    shown = [
-        (name if several else "", vehicle_colour(number) if several else TRUTH, log)
-        for number, (name, log) in enumerate(run.vehicles.items())
-    ]
-    return [
-        Chart(
-            f"input {k + 1}", "",
-            [curve(name, colour, log.t, log.u[:, k], step=True) for name, colour, log in shown if k < log.u.shape[1]],
-        )
-        for k in range(count)
-    ]  # fmt: skip
+    for vehicle_number, (name, log) in enumerate(run.vehicles.items()):
+        found = estimates(log, run.signals[name])
+        if found is None:
+            continue
+        for title, unit, columns in grouped(found.names, {} if several else run.signals[name].groups):
+            for number, (k, called) in enumerate(columns):
+                if not np.isfinite(found.error[:, k]).any():
+                    continue
+                colour = vehicle_colour(vehicle_number if several else number)
+                if not several and len(columns) == 1:
+                    colour = ESTIMATE
+                band = None if found.deviation is None else DEVIATIONS * found.deviation[:, k]
+                line = curve(name if several else called, colour, found.t, found.error[:, k], band=band)
+                charts.setdefault((title, unit), []).append(line)
+    return [Chart(title, unit, series) for (title, unit), series in charts.items()]
 
 
-def named(words: str) -> tuple[str, str]:
-    """Name and unit of a state "name [unit]"."""
-    name, _, unit = words.partition(" [")
-    return name.replace("_", " "), unit.rstrip("]").replace("-", "") if unit == "-]" else unit.rstrip("]")
+def reading_charts(run: GenericRun) -> list[Chart]:
+    """A chart for the readings of each sensor of a single vehicle."""
+    name, log = next(iter(run.vehicles.items()))
+    charts = []
+    for array in sorted(each for each in log.arrays if each.startswith(SAMPLED)) if len(run.vehicles) == 1 else ():
+        sensor, values = array.removeprefix(SAMPLED), log.arrays[array][: len(log.t)]
+        read = np.isfinite(values).any(axis=1)
+        if not read.any():
+            continue
+        size = values.shape[1]
+        names = run.signals[name].readings.get(sensor, ())
+        names = names if len(names) == size else numbered(sensor, size)
+        units = {name_and_unit(words)[1] for words in names}
+        lines = [
+            curve(
+                "" if size == 1 else name_and_unit(words)[0] if len(units) == 1 else words,
+                _colour(k, size), log.t[read], values[read, k],
+            )
+            for k, words in enumerate(names)
+        ]  # fmt: skip
+        charts.append(Chart(sensor.replace("_", " "), next(iter(units)) if len(units) == 1 else "", lines))
+    return charts
+
+
+def input_charts(run: GenericRun) -> list[Chart]:
+    """Charts of the inputs, by vehicle; those of single vehicles that belong together in one."""
+    name, log = next(iter(run.vehicles.items()))
+    if len(run.vehicles) == 1:
+        return [
+            Chart(
+                title, unit,
+                [
+                    curve(called, _colour(number, len(columns)), log.t, log.u[:, k], step=True)
+                    for number, (k, called) in enumerate(columns)
+                ],
+            )
+            for title, unit, columns in grouped(_inputs(run, name), run.signals[name].groups)
+        ]  # fmt: skip
+    charts: dict[tuple[str, str], list[Series]] = {}
+    for number, (vehicle, each) in enumerate(run.vehicles.items()):
+        for k, words in enumerate(_inputs(run, vehicle)):
+            line = curve(vehicle, vehicle_colour(number), each.t, each.u[:, k], step=True)
+            charts.setdefault(name_and_unit(words), []).append(line)
+    return [Chart(*named, series) for named, series in charts.items()]
+
+
+def _inputs(run: GenericRun, vehicle: str) -> tuple[str, ...]:
+    """Names of the inputs of a vehicle; numbers where they have none."""
+    size, names = run.vehicles[vehicle].u.shape[1], run.signals[vehicle].inputs
+    return names if len(names) == size else tuple(f"input {k + 1}" for k in range(size))
+
+
+def _colour(k: int, count: int) -> Colour:
+    """Colour of the k-th of some lines."""
+    return vehicle_colour(k) if count > 1 else TRUTH
 
 
 def events_of(run: GenericRun) -> Sequence[tuple[float, str]]:

@@ -98,6 +98,7 @@ class Surface:
     checker: float = 0.0  # [m] side of the squares that it is painted with
     picture: bytes = b""  # JPEG or PNG, laid over it from above
     picture_box: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)  # west, south, east, north [m] of that
+    tiled: bool = False  # the picture repeats beyond the box; else its rim does
     shadow: bool = False  # it casts one on the floor
     spin: float = 0.0  # [rad/s] at which a video turns it about ``axle``, along the z axis of its motion
     axle: tuple[float, float] = (0.0, 0.0)  # [m] of its motion's frame
@@ -203,7 +204,7 @@ class Camera:
     framed: Framed | None = None  # in videos, in the place of target and distance
     clear: float = 0.0  # [m] over the ground between itself and what it follows, at least, in videos
     dashed: bool = True  # whether it shows dashed lines, in videos
-    mounted: Pose | None = None  # in the frame of what it follows, or in the world; of one that only videos have
+    mounted: Pose | None = None  # in the frame of what it follows, or in the world; of one that nobody turns
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +217,7 @@ class Series:
     y: Array  # (n,)
     step: bool = False
     dashed: bool = False
+    band: Array | None = None  # (n,) half the height of the band about it
 
 
 @dataclass(frozen=True, eq=False)

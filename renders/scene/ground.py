@@ -20,7 +20,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import Colour
 from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
-from mathnavi.renders.scene.bodies import grid_faces, grid_sides
+from mathnavi.renders.scene.bodies import FLOOR_COLOUR, grid_faces, grid_sides
 from mathnavi.renders.scene.elements import Surface
 from mathnavi.renders.stage import add_sky, set_size
 
@@ -107,9 +107,20 @@ def floor_model(points: Array, floors: Sequence[Surface], width: int, height: in
         rgb1=[1.0, 1.0, 1.0], rgb2=[0.90, 0.90, 0.90], width=256, height=256,
     )  # fmt: skip
     for k, floor in enumerate(floors):
-        name = f"floor {k}"
-        material = spec.add_material(name=name, texuniform=True, texrepeat=[0.5 / floor.checker] * 2, specular=0.0)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "floor"
+        name, texture, repeat = f"floor {k}", "floor", [0.5 / floor.checker] * 2
+        if floor.tiled:
+            west, south, east, north = floor.picture_box
+            texture, repeat = name, [1.0 / (east - west), 1.0 / (north - south)]
+            picture = np.asarray(Image.open(io.BytesIO(floor.picture)).convert("RGB"))[::-1]  # row 0 in the south
+            made = spec.add_texture(
+                name=name, type=mujoco.mjtTexture.mjTEXTURE_2D, width=picture.shape[1], height=picture.shape[0],
+                nchannel=3,
+            )  # fmt: skip
+            made.data = picture.tobytes()
+        material = spec.add_material(name=name, texuniform=True, texrepeat=repeat, specular=0.0)
+        if not floor.tiled and floor.colour != FLOOR_COLOUR:
+            material.rgba = [*floor.colour, 1.0]
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture
         corner, east, _, north = floor.vertices
         sides = np.array([east - corner, north - corner])
         size = np.linalg.norm(sides, axis=1)

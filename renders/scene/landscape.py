@@ -42,6 +42,7 @@ MARGIN = 0.03  # around the map for the distances along its edges, in lengths of
 DISTANCES = 5  # about as many along the longer side
 GLOW = 0.35  # of airframes
 FINE = 1.0  # [m] by which a plan that bends may be off, as it is drawn
+MOST_PIECES = 1000  # of an arc
 # The top view is taken from far away, so that it looks like a map.
 FIELD_OF_VIEW = {"overview": 30.0, "top": 8.0}  # [degrees]
 FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
@@ -138,7 +139,9 @@ def plan_pieces(plan: Plan, begin: float, fine: float = FINE) -> list[tuple[Scen
         first, last = max(begin, float(plan.t[k])), float(plan.t[k + 1])
         if last <= first:
             continue
-        pieces = math.ceil((last - first) * math.sqrt(float(np.linalg.norm(plan.u[k])) / (8.0 * fine)))
+        pieces = math.ceil(
+            min((last - first) * math.sqrt(float(np.linalg.norm(plan.u[k])) / (8.0 * fine)), MOST_PIECES)
+        )
         times = np.linspace(first, last, max(pieces, 1) + 1)
         s = times[:, None] - plan.t[k]
         places = plan.x[k, :3] + plan.x[k, 3:6] * s + 0.5 * plan.u[k] * s**2

@@ -58,11 +58,10 @@ def _headline(run: TextbookRun, title: str) -> Headline:
     converged, escaped = bool(summary.get("converged")), run.escape_time is not None
     verdict = "The estimate converged" if converged else "The estimate did not converge"
     sentence = f"{verdict}{', and the solution escaped' if escaped else ''}."
+    allowed = "" if run.tolerance is None else f" (allowed {run.tolerance:g})"
     tiles: dict[str, object] = {
         "error at the start": page.number(summary.get("error_start")),
-        f"RMS of the last quarter (allowed {run.log.config['mission']['tolerance']:g})": page.number(
-            summary.get("error_rms")
-        ),
+        f"RMS of the last quarter{allowed}": page.number(summary.get("error_rms")),
         "rate of decay": quantity("decay_rate_per_s", summary.get("decay_rate_per_s")),
         "length of the run": quantity("run_time_s", summary.get("run_time_s")),
     }

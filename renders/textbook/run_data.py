@@ -29,11 +29,12 @@ class TextbookRun(LoggedRun):
     y: Array  # (n, m) the readings
     angles: tuple[int, ...]
     title: str  # of the system
+    tolerance: float | None  # of the length of the error; None where it is not recorded
 
     @property
     def has_flags(self) -> bool:
         """True for the robot with its camera in the plane of the flags."""
-        return bool(self.log.config["fields"]["system"] == "camera-and-flags")
+        return bool(self.log.config.get("fields", {}).get("system") == "camera-and-flags")
 
     @cached_property
     def escape_time(self) -> float | None:
@@ -72,7 +73,9 @@ def _described(log: RunLog, mission: TextbookRecord, arrays: Mapping[str, Array]
     states, outputs = mission.states, mission.outputs
     t, x = arrays["estimate.t"], arrays["estimate.x"]
     if x.shape != (len(t), len(states)) or log.x.shape[1] != len(states):
-        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states")
+        raise RunFolderError(
+            f"{str(log.directory)!r}: estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states"
+        )
     nothing = np.full((len(log.t), len(outputs)), np.nan)
     y = arrays.get("measurement.output", nothing)
-    return TextbookRun(log, t, x, states, mission.inputs, outputs, y, mission.angles, mission.title)
+    return TextbookRun(log, t, x, states, mission.inputs, outputs, y, mission.angles, mission.title, mission.tolerance)

@@ -64,8 +64,7 @@ def packed(scene: Scene) -> dict[str, Any]:
     block = DataBlock()
     layers: list[Layer] = []
     ground = [] if scene.ground is None else ground_surfaces(scene.ground)
-    cameras = [each for each in scene.cameras if each.mounted is None]
-    shown = replace(scene, ground=None, surfaces=[*ground, *scene.surfaces], cameras=cameras)
+    shown = replace(scene, ground=None, surfaces=[*ground, *scene.surfaces])
     found: dict[str, Any] = _packed(shown, layers, block)
     found |= {"low": scene.low, "embedded": False, "sky": [list(HORIZON), list(ZENITH)]}
     return found | {"layers": [vars(each) for each in layers], "block": block.packed()}

@@ -6,30 +6,34 @@ The loop's thread calls ``observe``; the server's threads call ``news``.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signal_names import name_and_unit
 from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.flight.run_data import mission_of_record, terrain_of
 from mathnavi.renders.flight.scene import follow
 from mathnavi.renders.framing import Box
-from mathnavi.renders.palette import COLOURS, SceneElement, vehicle_colour
+from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colour
 from mathnavi.renders.scene.bodies import body_surfaces, model_shapes
 from mathnavi.renders.scene.cameras import framing_camera
-from mathnavi.renders.scene.charts import ESTIMATE, TRUTH, named
+from mathnavi.renders.scene.charts import ESTIMATE, ESTIMATED_WORD, TRUE, TRUTH, grouped
 from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene, Series
 from mathnavi.renders.scene.landscape import airframe, map_cameras, plan_pieces, radar_domes
 from mathnavi.sim.engine.faults import Disturbed
+from mathnavi.sim.engine.log import names_of
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.records.missions import ChangingFlightRecord, FleetRecord, read_mission
 from mathnavi.sim.records.run_folder import described
+from mathnavi.sim.scenarios.declared_signals import Estimands, true_values
 
 RATE = 20.0  # [1/s] of samples, in simulated time
 GROUPS = (0, 1, 2)  # of geoms that are shown
@@ -43,10 +47,20 @@ Nowhere = np.zeros(0)
 class LiveScene:
     """Scene of one loop on a page."""
 
-    def __init__(self, title: str, plant: Plant, config: Mapping[str, Any], duration: float) -> None:
-        """Build the scene from ``config``, that of config.json, and the largest ``duration`` [s] of the run."""
+    def __init__(
+        self,
+        title: str,
+        plant: Plant,
+        config: Mapping[str, Any],
+        duration: float,
+        estimands: Estimands | None = None,
+    ) -> None:
+        """Build the scene from ``config``, that of config.json, and the largest ``duration`` [s] of the run;
+        ``estimands`` is what there is to estimate, if the scenario declares it.
+        """
         body = plant.plant if isinstance(plant, Disturbed) else plant
         self._title, self._config, self._duration, self._plant = title, config, duration, plant
+        self._estimands = estimands
         self._body = body if isinstance(body, MujocoPlant) else None
         self._terrain: HeightField | None = terrain_of(config["terrain"]) if config.get("terrain") else None
         self._lock = threading.Lock()
@@ -216,14 +230,27 @@ class LiveScene:
             return self._flight_charts(names)
         charts: list[Chart] = []
         values: list[Callable[[Loop], list[float | None]]] = []
-        for k, words in enumerate(self._plant.state_names(names[0])[:MOST_STATES]):
-            title, unit = named(words)
-            if len(names) > 1:
-                curves = [(name, vehicle_colour(number)) for number, name in enumerate(names)]
+        if len(names) > 1:
+            curves = [(name, vehicle_colour(number)) for number, name in enumerate(names)]
+            for k, words in enumerate(self._plant.state_names(names[0])[:MOST_STATES]):
+                charts.append(_empty(*name_and_unit(words), curves))
+                values.append(partial(_states, k))
+            return charts, values
+        estimands = self._estimands
+        both = [(TRUE, TRUTH), (ESTIMATED_WORD, ESTIMATE)]
+        if estimands is not None:
+            wanted = list(true_values(estimands, self._plant.state(names[0])[None]))
+            for k, words in enumerate(wanted):
+                charts.append(_empty(*name_and_unit(words), both))
+                values.append(partial(_estimated, estimands, words, k, len(wanted)))
+        signals = names_of(self._plant, names[0])
+        for title, unit, columns in grouped(signals.states, signals.groups)[:MOST_STATES]:
+            if len(columns) > 1:
+                curves = [(called, vehicle_colour(number)) for number, (_, called) in enumerate(columns)]
             else:
-                curves = [("truth", TRUTH), ("estimate", ESTIMATE)]
-            charts.append(Chart(title, unit, [Series(name, colour, Nowhere, Nowhere) for name, colour in curves]))
-            values.append(lambda loop, k=k: _state(loop, k))  # type: ignore[misc]
+                curves = both if estimands is None else [("", TRUTH)]
+            charts.append(_empty(title, unit, curves))
+            values.append(partial(_single, [k for k, _ in columns], len(curves)))
         return charts, values
 
     def _flight_charts(self, names: list[str]) -> tuple[list[Chart], list[Callable[[Loop], list[float | None]]]]:
@@ -255,14 +282,33 @@ def _velocity(x: Array) -> Array:
     return velocity
 
 
-def _state(loop: Loop, k: int) -> list[float | None]:
-    """Return a state of every vehicle; of a single one also its estimate."""
-    values = [_number(x[k]) for x in loop.truths.values()]
-    if len(values) > 1:
-        return values
-    runner = next(iter(loop.runners.values()))
-    estimate = None if runner.estimate is None or k >= len(runner.estimate.x) else runner.estimate.x[k]
-    return [*values, None if estimate is None else _number(estimate)]
+def _empty(title: str, unit: str, curves: Sequence[tuple[str, Colour]]) -> Chart:
+    """A chart before the first sample."""
+    return Chart(title, unit, [Series(name, colour, Nowhere, Nowhere) for name, colour in curves])
+
+
+def _states(k: int, loop: Loop) -> list[float | None]:
+    """Return a state of every vehicle."""
+    return [_number(x[k]) for x in loop.truths.values()]
+
+
+def _single(columns: Sequence[int], curves: int, loop: Loop) -> list[float | None]:
+    """Return some states of a single vehicle, and the estimate of a chart that has a curve for it."""
+    (x,) = loop.truths.values()
+    values = [_number(x[k]) for k in columns]
+    return values if len(values) == curves else [*values, _estimate(loop, columns[0], len(x))]
+
+
+def _estimated(estimands: Estimands, words: str, k: int, size: int, loop: Loop) -> list[float | None]:
+    """Return the true value of one of the estimands of a single vehicle, and its estimate."""
+    (x,) = loop.truths.values()
+    return [_number(true_values(estimands, x[None])[words][0]), _estimate(loop, k, size)]
+
+
+def _estimate(loop: Loop, k: int, size: int) -> float | None:
+    """The k-th number of the estimate of a single vehicle; None if it has not so many numbers."""
+    estimate = next(iter(loop.runners.values())).estimate
+    return None if estimate is None or len(estimate.x) != size else _number(estimate.x[k])
 
 
 def _number(value: Any) -> float | None:

@@ -9,7 +9,15 @@ from pathlib import Path
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.generic.run_data import load_run
 from mathnavi.renders.generic.scene import generic_scene
-from mathnavi.renders.scene.charts import error_charts, events_of, facts_of, input_charts, state_charts
+from mathnavi.renders.scene.charts import (
+    error_charts,
+    estimate_charts,
+    events_of,
+    facts_of,
+    input_charts,
+    reading_charts,
+    state_charts,
+)
 from mathnavi.renders.scene.elements import Scene
 
 
@@ -27,5 +35,5 @@ def read_scene(folder: Path) -> Scene:
     own = generic_scene(run) if drawing.web is None else pkgutil.resolve_name(drawing.web)(drawing.load_run(folder))
     charts = [*own.charts, *error_charts(run)]
     if not own.charts:
-        charts = [*state_charts(run), *charts, *input_charts(run)]
+        charts = [*estimate_charts(run), *state_charts(run), *charts, *input_charts(run), *reading_charts(run)]
     return replace(own, charts=charts, events=events_of(run), facts=facts_of(run))

@@ -15,7 +15,9 @@ import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Planner, Plant, PlantWithActivations, Sensor
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Event, Measurement, Plan, PlanRequest, Status
+from mathnavi.sim.engine.log import names_of
 
 
 def _rate(rate: float, what: str) -> float:
@@ -204,6 +206,9 @@ class Disturbed:
 
     def state_names(self, name: str) -> tuple[str, ...]:
         return self.plant.state_names(name)
+
+    def signal_names(self, name: str) -> SignalNames:
+        return names_of(self.plant, name)
 
     def activation_names(self, name: str) -> tuple[str, ...]:
         return self.plant.activation_names(name) if isinstance(self.plant, PlantWithActivations) else ()

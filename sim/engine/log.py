@@ -1,11 +1,13 @@
 """Recording of a run while it flies: arrays over time, events, and the solve times.
 
 Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``truth.activation`` (n, na; if actuators have states of their
-own), ``measurement.NAME`` (n, m; the newest, NaN where none),
-``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``,
-and ``cramer_rao.deviation`` (n, m), bounds on the standard deviations of errors, if the metrics define any. A single
-vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are not in the arrays,
-so that the same seed gives the same log bit for bit; the times of answers, and delays made of them, are kept beside.
+own), ``truth.estimands`` (n, m; the true values of what there is to estimate, if the scenario declares them),
+``measurement.NAME`` (n, m; the newest, NaN where none), ``estimate.t``, ``estimate.x``, ``estimate.deviation`` (k, nx;
+the roots of its variances, NaN where it has no covariance, if any has one), ``command.u`` (n, nu; held over
+[t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``, and ``cramer_rao.deviation`` (n, m), bounds on the standard
+deviations of errors, if the metrics define any. A single vehicle is logged without a prefix, a fleet's arrays as
+``VEHICLE.truth.x``. Wall-clock figures are not in the arrays, so that the same seed gives the same log bit for bit; the
+times of answers, and delays made of them, are kept beside.
 """
 
 from __future__ import annotations
@@ -16,9 +18,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.interfaces.protocols import Plant, PlantWithActivations
+from mathnavi.interfaces.protocols import Plant, PlantWithActivations, PlantWithSignalNames
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status, status_text
 from mathnavi.sim.engine.answer_times import AnswerTimes
+
+DEVIATION = "estimate.deviation"  # name of the standard deviations of an estimate
 
 
 @dataclass
@@ -75,8 +80,11 @@ class AgentRecorder:
         if self.estimates:
             out["estimate.t"] = np.array([estimate.t for estimate in self.estimates])
             out["estimate.x"] = np.array([estimate.x for estimate in self.estimates])
-            for name in sorted(set.intersection(*(set(estimate.extra) for estimate in self.estimates))):
-                out[f"estimate.{name}"] = np.array([estimate.extra[name] for estimate in self.estimates])
+            names = set.intersection(*(set(estimate.extra) for estimate in self.estimates))
+            further = {f"estimate.{name}": [estimate.extra[name] for estimate in self.estimates] for name in names}
+            if DEVIATION not in further and any(estimate.covariance is not None for estimate in self.estimates):
+                further[DEVIATION] = [_deviations(estimate) for estimate in self.estimates]
+            out |= {name: np.array(further[name]) for name in sorted(further)}
         return out | self._plan_arrays()
 
     def _plan_arrays(self) -> dict[str, Array]:
@@ -96,6 +104,21 @@ class AgentRecorder:
         }
 
 
+def _deviations(estimate: Estimate) -> Array:
+    """Standard deviations (nx,) of an estimate by its covariance; NaN without one."""
+    if estimate.covariance is None:
+        return np.full(len(estimate.x), np.nan)
+    deviations: Array = np.sqrt(np.maximum(estimate.covariance.diagonal(), 0.0))
+    return deviations
+
+
+def names_of(plant: Plant, name: str) -> SignalNames:
+    """Return the names of a vehicle's signals that its plant knows, those of its states at least."""
+    if isinstance(plant, PlantWithSignalNames):
+        return plant.signal_names(name)
+    return SignalNames(plant.state_names(name))
+
+
 @dataclass
 class Recording:
     """Log of a run, in memory; ``mathnavi.sim.records.run_folder`` writes it."""
@@ -109,6 +132,8 @@ class Recording:
     cramer_rao: dict[str, Array] = field(default_factory=dict)  # (n, m) deviations by vehicle, if there is a bound
     activations: dict[str, Array] = field(default_factory=dict)  # (n, na) by vehicle whose actuators have states
     activation_names: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    signals: dict[str, SignalNames] = field(default_factory=dict)  # by vehicle, as far as they are known
+    estimands: dict[str, Array] = field(default_factory=dict)  # (n, m) by vehicle: true values of ``signals.estimands``
 
     @staticmethod
     def begin(plant: Plant, input_sizes: Mapping[str, int], length: int) -> Recording:
@@ -126,6 +151,7 @@ class Recording:
         truths = {name: np.zeros((length, plant.state(name).size)) for name in plant.names}
         names = {name: plant.state_names(name) for name in plant.names}
         recording = Recording(np.zeros(length), truths, agents, events, names)
+        recording.signals = {name: names_of(plant, name) for name in plant.names}
         if isinstance(plant, PlantWithActivations):
             recording.activation_names = {name: own for name in plant.names if (own := plant.activation_names(name))}
         for name, own in recording.activation_names.items():
@@ -156,6 +182,8 @@ class Recording:
             out[f"{prefix}truth.x"] = truth
             if name in self.activations:
                 out[f"{prefix}truth.activation"] = self.activations[name]
+            if name in self.estimands:
+                out[f"{prefix}truth.estimands"] = self.estimands[name]
             if name in self.agents:
                 out |= {f"{prefix}{key}": value for key, value in self.agents[name].arrays(self.length).items()}
             if name in self.cramer_rao:

@@ -16,6 +16,7 @@ import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.sensing import mounted
 
@@ -161,6 +162,11 @@ class OdePlant:
 
     def state_names(self, name: str) -> tuple[str, ...]:
         return self._vehicle(name).law.states
+
+    def signal_names(self, name: str) -> SignalNames:
+        law, sensors = self._vehicle(name).law, self.sensors(name)
+        stated = {sensor.name: names for sensor in sensors if (names := tuple(getattr(sensor, "numbers", ())))}
+        return SignalNames(law.states, law.inputs, stated)
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return {sensor.name: sensor.size for sensor in self.sensors(name)}

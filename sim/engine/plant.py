@@ -25,10 +25,13 @@ from mathnavi.interfaces.joint_states import (
     SLIDE,
     activations,
     quaternions,
+    state_groups,
     state_names,
     with_unit_quaternions,
 )
+from mathnavi.interfaces.model_signals import input_names, reading_names
 from mathnavi.interfaces.protocols import ActuatorModel, Sensor
+from mathnavi.interfaces.signal_names import UNNAMED, SignalNames
 from mathnavi.interfaces.signals import Array, Event, Measurement
 from mathnavi.sim.engine.contact_free import ContactFree
 from mathnavi.sim.engine.contact_messages import thing_named, touching
@@ -53,6 +56,7 @@ class VehicleSetup:
     drive: ActuatorModel | None = None  # None: the input is that of the actuators
     # geoms of others that it touches in normal operation, which is not an event: the floor of what stands or rolls
     ignored_contacts: tuple[str, ...] = ()
+    signals: SignalNames = UNNAMED  # in the place of the names that follow from the model
 
 
 @dataclass(frozen=True)
@@ -124,10 +128,11 @@ class _Vehicle:
             g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
         )
         self.ignored_contacts = frozenset(setup.ignored_contacts)
-        self.state_names = state_names(model, joints)
+        self.signals = self._named(model, joints, actuators, setup)
+        self.state_names = self.signals.states
         self.activations, self.activation_names = activations(model, actuators)
         self.place(setup.start, "start")
-        self.bounded = input_bound(name, setup.input_max, len(self.control))
+        self.bounded = input_bound(name, setup.input_max, len(self.control), self.signals.inputs)
         self.delay = whole_ticks(setup.delay, float(model.opt.timestep), "delay") if setup.delay != 0.0 else 0
         self.layout = Layout(q, v, control, len(self.control), self.bounded, self.drive, self.delay)
         self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), if there is a delay
@@ -137,6 +142,23 @@ class _Vehicle:
         self.contacts = 0
         self.clipped = False
         self.disturbed = False
+
+    def _named(
+        self, model: mujoco.MjModel, joints: Sequence[int], actuators: Sequence[int], setup: VehicleSetup
+    ) -> SignalNames:
+        """Names of the vehicle's signals: those that are declared, else those in the model."""
+        states, sizes = state_names(model, joints), {sensor.name: sensor.size for sensor in setup.sensors}
+        inputs = () if self.drive else tuple(each for i in actuators for each in input_names(model, i))
+        own = {f"{self.name}/{sensor.name}": sensor.name for sensor in setup.sensors}
+        in_model = {
+            own[full]: names
+            for i in range(model.nsensor)
+            if (full := model.sensor(i).name) in own and len(names := reading_names(model, i)) == sizes[own[full]]
+        }
+        stated = {sensor.name: names for sensor in setup.sensors if (names := tuple(getattr(sensor, "numbers", ())))}
+        of_model = SignalNames(states, inputs, {**in_model, **stated}, groups=state_groups(model, joints))
+        declared = setup.signals.checked(f"vehicle {self.name!r}", len(states), len(self.control), sizes)
+        return declared.over(of_model)
 
     def place(self, state: Array, what: str) -> None:
         """Set the joints; ArgumentError for a state that does not fit them, e.g. a quaternion not of length 1."""
@@ -212,6 +234,9 @@ class MujocoPlant:
 
     def state_names(self, name: str) -> tuple[str, ...]:
         return self._vehicles[name].state_names
+
+    def signal_names(self, name: str) -> SignalNames:
+        return self._vehicles[name].signals
 
     def activation_names(self, name: str) -> tuple[str, ...]:
         return self._vehicles[name].activation_names

@@ -12,6 +12,7 @@ import numpy as np
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import OPTIMISED, Array, Estimate, Event, Measurement, Plan, PlanRequest
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.sensing import every
@@ -25,7 +26,7 @@ class RecordedRun:
     x: Array  # (n, nx) the truth
     u: Array  # (n, nu) held from each sample to the next
     readings: Mapping[str, Array]  # (n, m) by sensor, NaN where none was due since the last sample
-    state_names: tuple[str, ...]  # (nx,)
+    signals: SignalNames
 
 
 class RecordedPlant:
@@ -69,7 +70,10 @@ class RecordedPlant:
         return x
 
     def state_names(self, name: str) -> tuple[str, ...]:
-        return self._run.state_names
+        return self._run.signals.states
+
+    def signal_names(self, name: str) -> SignalNames:
+        return self._run.signals
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return {sensor.name: sensor.size for sensor in self._sensors}

@@ -11,6 +11,8 @@ executed. ``scene.npz`` in the run's folder holds it, array by array:
 | ``estimate.pos``, ``estimate.quat`` | the same from the estimate, NaN before the first; absent if not defined |
 | ``vehicles``, ``vehicle_bodies`` | (nv,) names, and the body that shows the position of each |
 | ``geom.*`` | of shapes: ``body``, ``type``, ``size``, ``pos``, ``quat``, ``rgba``, ``data`` (which mesh or field) |
+| ``geom.texture``, ``geom.repeat`` | of planes with a picture: which ``texture.K``, or -1; (2,) [1/m] its repetitions |
+| ``texture.K`` | (rows, columns, 3) red, green, blue; row 0 in the south |
 | ``mesh.K.vertices``, ``mesh.K.faces`` | (m, 3) [m], (f, 3) |
 | ``field.K.heights``, ``field.K.size`` | (rows, columns) in [0, 1]; (4,) [m] |
 | ``camera.*`` | of nc cameras of the model: ``names``, ``body``, ``pos``, ``quat``, ``field_of_view`` [degrees] |
@@ -114,6 +116,7 @@ RATE = 60.0  # [1/s] of the poses, at most
 MOST_SAMPLES = 6000
 MESH, FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+MOST_PIXELS = 256  # along a side of the picture of a plane
 _SHOWN_GROUPS = (0, 1, 2)  # of geoms, as MuJoCo's viewer shows them
 
 
@@ -173,6 +176,7 @@ def shapes(model: mujoco.MjModel, groups: Sequence[int] = _SHOWN_GROUPS) -> dict
         "geom.quat": model.geom_quat[shown],
         "geom.rgba": rgba,
         "geom.data": model.geom_dataid[shown],
+        **_pictured(model, shown),
         "camera.names": np.array([model.camera(c).name for c in range(model.ncam)], dtype=np.str_),
         "camera.body": model.cam_bodyid,
         "camera.pos": model.cam_pos,
@@ -180,6 +184,30 @@ def shapes(model: mujoco.MjModel, groups: Sequence[int] = _SHOWN_GROUPS) -> dict
         "camera.field_of_view": model.cam_fovy,
     }
     return {name: np.array(values) for name, values in (*found.items(), *_surfaces(model, shown))}
+
+
+def _pictured(model: mujoco.MjModel, shown: Integers) -> dict[str, Array]:
+    """Return which planes have a picture, and the pictures, with ``MOST_PIXELS`` along a side at most."""
+    textures, repeats, found = np.full(len(shown), -1), np.zeros((len(shown), 2)), {}
+    for k in np.flatnonzero((model.geom_type[shown] == PLANE) & (model.geom_matid[shown] >= 0)).tolist():
+        material, size = int(model.geom_matid[shown[k]]), model.geom_size[shown[k]][:2]
+        texture = int(model.mat_texid[material, int(mujoco.mjtTextureRole.mjTEXROLE_RGB)])
+        if texture < 0 or int(model.tex_type[texture]) != int(mujoco.mjtTexture.mjTEXTURE_2D):
+            continue
+        repeat = model.mat_texrepeat[material].astype(float)
+        if not model.mat_texuniform[material]:  # so often on the whole plane
+            repeat = np.where(size > 0.0, repeat / (2.0 * np.maximum(size, 1e-9)), repeat)
+        rows, columns, channels = (
+            int(each[texture]) for each in (model.tex_height, model.tex_width, model.tex_nchannel)
+        )
+        if not (repeat > 0.0).all() or channels < 3:
+            continue
+        first = int(model.tex_adr[texture])
+        picture = model.tex_data[first : first + rows * columns * channels].reshape(rows, columns, channels)[..., :3]
+        steps = [-(-side // MOST_PIXELS) for side in (rows, columns)]
+        textures[k], repeats[k] = texture, repeat
+        found[f"texture.{texture}"] = picture[:: steps[0], :: steps[1]].copy()
+    return {"geom.texture": textures, "geom.repeat": repeats, **found} if found else {}
 
 
 def _surfaces(model: mujoco.MjModel, shown: Integers) -> Iterator[tuple[str, Array]]:

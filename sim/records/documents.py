@@ -66,6 +66,11 @@ class ArrayIndexDocument:
 
     states: dict[str, tuple[str, ...]]  # (nx,) names with units, by vehicle
     activations: dict[str, tuple[str, ...]] = field(default_factory=dict)  # (na,) of vehicles that have any
+    inputs: dict[str, tuple[str, ...]] = field(default_factory=dict)  # (nu,), as all below of vehicles that name any
+    readings: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # of each sensor's numbers
+    estimates: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    estimands: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    groups: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # names without units, by their chart
     arrays: dict[str, ArrayDocument] = field(default_factory=dict)
 
 

@@ -5,13 +5,15 @@
 | ``t`` | (n,) [s], increasing |
 | ``truth.x``, ``command.u``, ``measurement.NAME`` | (n, any) |
 | ``truth.activation`` | (n, any), where actuators have states of their own |
+| ``truth.estimands`` | (n, any), where the scenario declares what there is to estimate |
 | ``cramer_rao.deviation`` | (n, any) |
-| ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...) |
+| ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...), ``deviation`` one of the names |
 | ``plan.offsets`` | (p + 1,) from 0 to b: index of the breakpoint at which each plan begins |
 | ``plan.t``, ``plan.x``, ``plan.u``, ``plan.phase`` | (b,) [s], (b, any), (b, any), (b,) |
 | ``plan.adopted``, ``plan.cost`` | (p,) [s], (p,) |
 
-In the log of a fleet the name of the vehicle is the prefix of all names but ``t``.
+Plans are finite, but for the input of each one's last breakpoint. In the log of a fleet the name of the vehicle is the
+prefix of all names but ``t``.
 """
 
 from __future__ import annotations
@@ -23,11 +25,14 @@ import numpy as np
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array
+from mathnavi.sim.engine.log import DEVIATION as DEVIATION
 
 TIME, TRUTH, COMMAND = "t", "truth.x", "command.u"
-ACTIVATION = "truth.activation"
+ACTIVATION, ESTIMANDS = "truth.activation", "truth.estimands"
 CRAMER_RAO = "cramer_rao.deviation"
 SAMPLED, ESTIMATED, PLANNED = "measurement.", "estimate.", "plan."
+_LATER = 1e-6  # [s] by which an estimate may be later than the last sample, for rounding
+MOST = 1e150  # of commands and plans, so that their squares are finite
 _PLANS = {"t": 1, "x": 2, "u": 2, "phase": 1}  # dimensions of the arrays that have a row for each breakpoint
 
 
@@ -50,10 +55,14 @@ def check_arrays(arrays: Mapping[str, Array], path: Path, prefix: str = "") -> N
     if not (np.isfinite(t).all() and (np.diff(t) > 0.0).all()):
         raise RunFolderError(f"{str(path)!r}: t is not finite and increasing")
     for name, rows in arrays.items():
-        if (name.startswith(SAMPLED) or name in (ACTIVATION, CRAMER_RAO)) and not (
+        if (name.startswith(SAMPLED) or name in (ACTIVATION, ESTIMANDS, CRAMER_RAO)) and not (
             rows.ndim == 2 and len(rows) == len(t)
         ):
             raise _wrong(path, prefix, name, rows, f"({len(t)}, any)")
+    if not (np.abs(u) <= MOST).all():
+        raise RunFolderError(f"{str(path)!r}: {prefix}{COMMAND} is not finite, or beyond {MOST:g}")
+    if "estimate.t" in arrays and (arrays["estimate.t"] > t[-1] + _LATER).any():
+        raise RunFolderError(f"{str(path)!r}: {prefix}estimate.t goes on after the last sample, at {t[-1]:g} s")
     _check_estimates(arrays, path, prefix)
     _check_plans(arrays, path, prefix)
 
@@ -94,6 +103,10 @@ def _check_plans(arrays: Mapping[str, Array], path: Path, prefix: str) -> None:
         rows = of_plans[name]
         if rows.ndim != ndim or len(rows) != breakpoints:
             raise _wrong(path, prefix, f"{PLANNED}{name}", rows, f"({breakpoints},{' any' * (ndim - 1)})")
+    held = np.setdiff1d(np.arange(breakpoints), offsets[1:].astype(np.int64) - 1)  # the last of a plan holds no input
+    for name, rows in (("x", of_plans["x"]), ("u", of_plans["u"][held])):
+        if not (np.abs(rows) <= MOST).all():
+            raise RunFolderError(f"{str(path)!r}: {prefix}plan.{name} is not finite, or beyond {MOST:g}")
     for name in ("adopted", "cost"):
         if (rows := of_plans[name]).shape != (len(offsets) - 1,):
             raise _wrong(path, prefix, f"{PLANNED}{name}", rows, f"({len(offsets) - 1},)")

@@ -2,7 +2,7 @@
 
 | channel | times | fields |
 |---|---|---|
-| ``truth`` | every sample | ``x``, and ``activation`` where actuators have states of their own |
+| ``truth`` | every sample | ``x``, ``activation`` of actuators with states of their own, ``estimands`` if declared |
 | ``input`` | every sample | ``u``, held until the next |
 | ``readings/NAME`` | samples at which the sensor was read | ``value``; NaN for single values that were lost |
 | ``estimate`` | those of the estimates | ``x``, and what else the estimator reports, as ``covariance`` |
@@ -20,8 +20,19 @@ from itertools import pairwise
 
 import numpy as np
 
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array
-from mathnavi.sim.records.log_arrays import ACTIVATION, COMMAND, CRAMER_RAO, ESTIMATED, PLANNED, SAMPLED, TIME, TRUTH
+from mathnavi.sim.records.log_arrays import (
+    ACTIVATION,
+    COMMAND,
+    CRAMER_RAO,
+    ESTIMANDS,
+    ESTIMATED,
+    PLANNED,
+    SAMPLED,
+    TIME,
+    TRUTH,
+)
 from mathnavi.sim.records.run_folder import RunLog
 
 _PLAN_FIELDS = {"times": "t", "x": "x", "u": "u", "phase": "phase"}  # arrays with a row for each breakpoint
@@ -64,34 +75,37 @@ class Channel:
 
 def channels_of(
     vehicles: Mapping[str, RunLog],
-    states: Mapping[str, tuple[str, ...]],
+    signals: Mapping[str, SignalNames],
     activations: Mapping[str, tuple[str, ...]],
 ) -> list[Channel]:
-    """Return the channels of a run by its logs and the names of states and activations, each by vehicle."""
+    """Return the channels of a run by its logs and the names of signals and activations, each by vehicle."""
     several = len(vehicles) > 1
     return [
         channel
         for name, log in vehicles.items()
-        for channel in _of_vehicle(name if several else "", log.arrays, states[name], activations.get(name, ()))
+        for channel in _of_vehicle(name if several else "", log.arrays, signals[name], activations.get(name, ()))
     ]
 
 
 def _of_vehicle(
-    vehicle: str, arrays: Mapping[str, Array], states: tuple[str, ...], activations: tuple[str, ...]
+    vehicle: str, arrays: Mapping[str, Array], signals: SignalNames, activations: tuple[str, ...]
 ) -> Iterator[Channel]:
     t = arrays[TIME]
-    truth = [Field("x", TRUTH, arrays[TRUTH], states)]
+    truth = [Field("x", TRUTH, arrays[TRUTH], signals.states)]
     if ACTIVATION in arrays:
         truth.append(Field("activation", ACTIVATION, arrays[ACTIVATION], activations))
+    if ESTIMANDS in arrays:
+        truth.append(Field("estimands", ESTIMANDS, arrays[ESTIMANDS], signals.estimands))
     yield Channel(vehicle, "truth", t, tuple(truth))
-    yield Channel(vehicle, "input", t, (Field("u", COMMAND, arrays[COMMAND]),))
+    yield Channel(vehicle, "input", t, (Field("u", COMMAND, arrays[COMMAND], signals.inputs),))
     for name, rows in arrays.items():
         if name.startswith(SAMPLED):
             read = ~np.isnan(rows).all(axis=1)
-            own = f"readings/{name.removeprefix(SAMPLED)}"
-            yield Channel(vehicle, own, t[read], (Field("value", name, rows[read]),))
+            sensor = name.removeprefix(SAMPLED)
+            value = Field("value", name, rows[read], signals.readings.get(sensor, ()))
+            yield Channel(vehicle, f"readings/{sensor}", t[read], (value,))
     if "estimate.t" in arrays:
-        yield Channel(vehicle, "estimate", arrays["estimate.t"], tuple(_estimate_fields(arrays, states)))
+        yield Channel(vehicle, "estimate", arrays["estimate.t"], tuple(_estimate_fields(arrays, signals)))
     if "plan.offsets" in arrays:
         offsets = list(pairwise(arrays["plan.offsets"].tolist()))
         fields = [
@@ -105,9 +119,9 @@ def _of_vehicle(
         yield Channel(vehicle, "cramer_rao", t, (Field("deviation", CRAMER_RAO, arrays[CRAMER_RAO]),))
 
 
-def _estimate_fields(arrays: Mapping[str, Array], states: tuple[str, ...]) -> Iterator[Field]:
+def _estimate_fields(arrays: Mapping[str, Array], signals: SignalNames) -> Iterator[Field]:
     x = arrays["estimate.x"]
-    yield Field("x", "estimate.x", x, states if x.shape[1] == len(states) else ())
+    yield Field("x", "estimate.x", x, signals.of_estimate(x.shape[1]))
     for name, rows in arrays.items():
         if name.startswith(ESTIMATED) and name not in ("estimate.t", "estimate.x"):
             yield Field(name.removeprefix(ESTIMATED), name, rows)

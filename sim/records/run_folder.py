@@ -6,7 +6,7 @@
 | ``summary.json`` | figures of merit by name, with units |
 | ``events.jsonl`` | one event on each line, in the order in which they were recorded |
 | ``log.npz`` | the arrays of ``mathnavi.sim.engine.log`` |
-| ``log.json`` | shape and type of each array; names and units of each vehicle's states, and of its activations |
+| ``log.json`` | shape and type of each array; names and units of each vehicle's signals |
 | ``scene.npz`` | shapes and poses (``mathnavi.sim.engine.scene_record``), for a run whose scenario names no drawing |
 | ``timing.json`` | wall-clock times of the components' answers (``mathnavi.sim.records.timing``) |
 | ``delays.json`` | simulated times that plans took, for a run in which they took any |
@@ -30,6 +30,7 @@ from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.interfaces.reading import files
 from mathnavi.interfaces.reading.arrays import NUMBERS_AND_TEXTS, read_npz
 from mathnavi.interfaces.schema import known_fields, shortened
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.interfaces.writing import write_bytes, write_text
 from mathnavi.sim.engine.log import Recording
@@ -37,7 +38,7 @@ from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.computing_environment import machine, versions
 from mathnavi.sim.records.documents import ArrayIndexDocument, RunDocument, check_summary
 from mathnavi.sim.records.files import jsonable, npz_bytes, write_json
-from mathnavi.sim.records.log_arrays import COMMAND, TIME, TRUTH, check_arrays
+from mathnavi.sim.records.log_arrays import COMMAND, ESTIMANDS, SAMPLED, TIME, TRUTH, check_arrays
 from mathnavi.sim.records.timing import DELAYS, LATENCY, TIMING, Timing
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
@@ -46,6 +47,7 @@ RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
 SOMETIMES = (SCENE, TIMING, DELAYS)  # files that not every run writes
 RECORDED = (*RUN_FILES, *SOMETIMES)  # all files that a run may write
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
+_NAMED = ("inputs", "readings", "estimates", "estimands", "groups")  # fields of SignalNames besides the states
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
 
@@ -93,9 +95,12 @@ def write_run_files(
     if LATENCY in config:
         write_json(folder / DELAYS, {"delays_s": {name: agent.delays for name, agent in recording.agents.items()}})
     shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
-    named = {"states": recording.state_names, "time": "t [s]"}
+    named: dict[str, Any] = {"states": recording.state_names, "time": "t [s]"}
     if recording.activation_names:
         named["activations"] = recording.activation_names
+    for part in _NAMED:
+        if known := {name: own for name, each in recording.signals.items() if (own := getattr(each, part))}:
+            named[part] = known
     write_json(folder / ARRAY_INDEX, {"arrays": shapes, **named})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
     write_text(folder / EVENTS, "".join(json.dumps(jsonable(event)) + "\n" for event in events))
@@ -174,8 +179,8 @@ def read_log(directory: str | Path, *, may_diverge: bool = False) -> RunLog:
     config, summary, events = _read_texts(folder)
     path = folder / ARRAYS
     log = RunLog(folder, config, summary, events, **_of_vehicle(_read_arrays(path), path, may_diverge))
-    if (folder / ARRAY_INDEX).is_file() and len(states := read_state_names(folder)) == 1:
-        _check_named(path, "", log.x, next(iter(states.values())))
+    if (folder / ARRAY_INDEX).is_file() and len(signals := read_signal_names(folder)) == 1:
+        _check_named(path, "", log.arrays, next(iter(signals.values())))
     return log
 
 
@@ -195,15 +200,24 @@ def read_fleet(directory: str | Path) -> FleetLog:
         )
         for name in names
     }  # fmt: skip
-    states = read_state_names(folder) if (folder / ARRAY_INDEX).is_file() else {}
-    for name in states.keys() & vehicles.keys():
-        _check_named(path, f"{name}.", vehicles[name].x, states[name])
+    signals = read_signal_names(folder) if (folder / ARRAY_INDEX).is_file() else {}
+    for name in signals.keys() & vehicles.keys():
+        _check_named(path, f"{name}.", vehicles[name].arrays, signals[name])
     return FleetLog(folder, config, summary, events, vehicles)
 
 
 def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
     """Read the names of the states with their units, (nx,) by vehicle; errors as of ``read_log``."""
     return _read_index(directory).states
+
+
+def read_signal_names(directory: str | Path) -> dict[str, SignalNames]:
+    """Read the names of all signals by vehicle, as far as they are known; errors as of ``read_log``."""
+    index = _read_index(directory)
+    return {
+        name: SignalNames(states, **{part: own[name] for part in _NAMED if name in (own := getattr(index, part))})
+        for name, states in index.states.items()
+    }
 
 
 def read_activation_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
@@ -260,12 +274,23 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
     return config, summary, _read_events(folder / EVENTS)
 
 
-def _check_named(path: Path, prefix: str, x: Array, names: Sequence[str]) -> None:
-    """Raise RunFolderError for states (n, nx) if log.json names another number of them: they belong to another run."""
-    if x.shape[1] != len(names):
-        raise RunFolderError(
-            f"{path}: {prefix}truth.x has {x.shape[1]} states; allowed: {len(names)}, as {ARRAY_INDEX} next to it names"
-        )
+def _check_named(path: Path, prefix: str, arrays: Mapping[str, Array], signals: SignalNames) -> None:
+    """Raise RunFolderError for an array of which log.json names another number of columns: it is of another run."""
+    named = {
+        (TRUTH, "states"): signals.states,
+        (COMMAND, "inputs"): signals.inputs,
+        ("estimate.x", "numbers"): signals.estimates,
+        (ESTIMANDS, "estimands"): signals.estimands,
+        **{(f"{SAMPLED}{sensor}", "numbers"): names for sensor, names in signals.readings.items()},
+    }
+    for (name, what), names in named.items():
+        if name in arrays and names and arrays[name].shape[1:] != (len(names),):
+            raise RunFolderError(
+                f"{path}: {prefix}{name} has {arrays[name].shape[-1]} {what}; allowed: {len(names)}, as {ARRAY_INDEX} "
+                "next to it names"
+            )
+    if arrays[TRUTH].shape[1] and not signals.states:
+        raise RunFolderError(f"{path}: {prefix}{TRUTH} has states; allowed: none, as {ARRAY_INDEX} next to it names")
 
 
 def _require(path: Path) -> None:

@@ -15,6 +15,7 @@ import dataclasses
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -207,9 +208,10 @@ class Assembler:
         ``resolved`` is the configuration with all values that were drawn, the given one if None; ``terrain`` has its
         name, path and digest.
         """
-        return ClosedLoop(
-            plant, agents, duration, finished, summarise, self._record(mission, resolved, terrain), network, task
-        )
+        declared = getattr(self.scenario, "estimands", None)
+        estimands = None if declared is None else partial(declared, self.config if resolved is None else resolved)
+        record = self._record(mission, resolved, terrain)
+        return ClosedLoop(plant, agents, duration, finished, summarise, record, network, task, estimands=estimands)
 
     def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
         """Content of config.json without the versions."""

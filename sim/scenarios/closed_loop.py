@@ -28,6 +28,7 @@ from mathnavi.sim.records.claimed_folder import claimed
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL
 from mathnavi.sim.records.run_folder import RECORDED, write_run, write_run_files
 from mathnavi.sim.records.timing import LATENCY, PlansTake, Timing
+from mathnavi.sim.scenarios.declared_signals import Estimands, check_declared, name_signals
 from mathnavi.sim.scenarios.task import Task
 
 REHEARSED = 3  # planning periods, in which most kernels of a run are called
@@ -123,6 +124,7 @@ class ClosedLoop:
     network: Network | None = None  # of a fleet
     task: Task | None = None  # for commands from outside; None if only the controller can command the actuators
     timed: Collection[str] = COMPONENTS  # components whose answers are computed in the run
+    estimands: Estimands | None = None  # what there is to estimate; None where the scenario does not declare it
 
     def run(
         self,
@@ -139,6 +141,7 @@ class ClosedLoop:
         later is left out of the wall-clock time. A run whose simulation diverged has failed, whatever its figures are.
         Raises as ``simulate`` does.
         """
+        check_declared(self.plant, self.agents, self.estimands)
         rehearsed = REHEARSED * max((agent.planner.period for agent in self.agents.values()), default=0.0)
         rehearsing = again is not None
         with compilation_timed() as compilation:
@@ -156,6 +159,7 @@ class ClosedLoop:
             wall_seconds = time.perf_counter() - began - compilation.seconds
         if again is not None and rehearsing and compilation.seconds > 0.0:
             return again().run(progress, watch=watch, latency=latency)
+        name_signals(recording, self.agents, self.task, self.estimands)
         summary, success = self.summarise(recording, wall_seconds)
         asked = {name: agent.sensors for name, agent in self.agents.items()}
         summary = {**summary, **unused_figures(recording, asked)}

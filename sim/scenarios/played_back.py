@@ -14,11 +14,12 @@ from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.fields import plain
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.answer_times import ESTIMATOR
-from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.log import Recording, names_of
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.declared_signals import with_inputs
 
 SMOOTHER = "smoother"
 """name of the smoother of the recorded estimator, over all readings of the run, and its key in config.json"""
@@ -49,7 +50,8 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
     readings = {
         name.removeprefix("measurement."): rows for name, rows in log.arrays.items() if name.startswith("measurement.")
     }
-    run = RecordedRun(log.t, log.x, log.u, readings, plant.state_names(vehicle))
+    names = with_inputs(names_of(plant, vehicle), closed_loop.task, vehicle, agent.input_size)
+    run = RecordedRun(log.t, log.x, log.u, readings, names)
     try:
         past = RecordedPlant(vehicle, run, plant.dt, plant.sensors(vehicle))
     except ValueError as error:
@@ -75,6 +77,7 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
         lambda t, truths: False,
         summarise,
         closed_loop.config | made,
+        estimands=closed_loop.estimands,
         timed=() if isinstance(agent.estimator, RecordedSmoother) else (ESTIMATOR,),
     )
 

@@ -125,7 +125,7 @@ def test_what_fits_of_a_vehicle_is_listed_with_how_it_is_read(checked: Printed) 
     said = checked("cart.xml", 0)
     for words in (
         "cart: state 6: position_x [m], position_z [m], position_hinge [rad]",
-        "cart: input 1: motor without a bound",
+        "cart: input 1: motor [N] without a bound",
         'gyro: <gyro>, 3 numbers [rad/s], exact, read by MujocoSensor.of(model, "cart", "gyro", rate=HZ)',
         'cart touches floor at rest, which is an event write VehicleSetup(..., ignored_contacts=("floor",))',
     ):

@@ -179,7 +179,8 @@ def _faults(
 
 def _makes(words: Sequence[str]) -> bool:
     """True for a command that writes something when it ends well."""
-    makes = words[:1] in (("run",), ("estimate",), ("compare",), ("sweep",)) or words[:2] in (
+    makers = ("run", "estimate", "compare", "sweep", "report", "export", "new")
+    makes = words[:1] in [(each,) for each in makers] or words[:2] in (
         ("terrain", "import"),
         ("store", "export"),
     )

@@ -22,6 +22,7 @@ ALLOWED = {
     ("renders/worker.py", "json.load"),  # likewise
     ("renders/snapshots.py", "pickle.load"),
     ("renders/export/contents.py", "Image.open"),  # a picture that a scene has made
+    ("renders/scene/ground.py", "Image.open"),  # likewise
     ("commands/interruption.py", "open"),  # a pipe of its own
     ("models/unicycle/entity.py", "mjcf.from_path"),  # parts of the package
     ("models/missile/entity.py", "mjcf.from_path"),

@@ -25,12 +25,13 @@ class TimeChart {
     this.canvas.addEventListener("pointermove", (event) => { if (event.buttons & 1) at(event); });
     this.still = document.createElement("canvas");
   }
-  // Limits that hold all but the wildest hundredth of the values.
+  // Limits that hold all but the wildest hundredth of the values, and three quarters of a band.
   limits() {
     const values = [], positive = this.chart.logarithmic;
     for (const own of this.chart.series) {
       const kept = Array.from(own.y).filter((y) => Number.isFinite(y) && (!positive || y > 0)).sort((a, b) => a - b);
-      if (kept.length) values.push(kept[Math.floor(0.003 * (kept.length - 1))], kept[Math.ceil(0.997 * (kept.length - 1))]);
+      const widths = own.band ? Array.from(own.band).filter(Number.isFinite).sort((a, b) => a - b) : [], half = widths.length ? widths[Math.floor(0.75 * (widths.length - 1))] : 0;
+      if (kept.length) values.push(kept[Math.floor(0.003 * (kept.length - 1))] - half, kept[Math.ceil(0.997 * (kept.length - 1))] + half);
     }
     if (!values.length) return [0.1, 1];
     let low = Math.min(...values), high = Math.max(...values);
@@ -74,9 +75,25 @@ class TimeChart {
     pen.save(); pen.beginPath(); pen.rect(this.left, 0, this.right - this.left + 1, this.bottom + 1); pen.clip();
     pen.strokeStyle = bound; pen.setLineDash([2, 3]);
     for (const value of chart.bounds) { pen.beginPath(); pen.moveTo(this.left, this.y(value)); pen.lineTo(this.right, this.y(value)); pen.stroke(); }
+    for (const own of chart.series) if (own.band) this.band(pen, own);
     for (const [k, own] of chart.series.entries()) this.curve(pen, own, chart.series[0].name !== "truth" ? 1.6 : k ? 1.3 : 3);
     pen.restore(); this.ink = ink; this.ratio = ratio;
     return true;
+  }
+  // What lies within half the height of a band about a curve, stretch by stretch of known values.
+  band(pen, { t, y, band, colour }) {
+    pen.fillStyle = colour; pen.globalAlpha = 0.18;
+    const known = (k) => Number.isFinite(y[k]) && Number.isFinite(band[k]);
+    for (let first = 0; first < t.length; first++) {
+      if (!known(first)) continue;
+      let after = first;
+      while (after < t.length && known(after)) after++;
+      pen.beginPath();
+      for (let k = first; k < after; k++) pen.lineTo(this.x(t[k]), this.y(y[k] + band[k]));
+      for (let k = after - 1; k >= first; k--) pen.lineTo(this.x(t[k]), this.y(y[k] - band[k]));
+      pen.fill(); first = after;
+    }
+    pen.globalAlpha = 1;
   }
   curve(pen, { t, y, colour, step, dashed }, width) {
     pen.strokeStyle = colour; pen.lineWidth = width; pen.setLineDash(dashed ? [5, 4] : []); pen.beginPath();

@@ -31,6 +31,17 @@ const frame = (p, q, scale) => {
 };
 const WORLD = frame([0, 0, 0], [1, 0, 0, 0], 1);
 
+// A vector turned by a quaternion, and the product of two quaternions.
+const turnedBy = ([w, x, y, z], p) => { const twice = cross([x, y, z], p).map((each) => 2 * each); return add(add(p, twice, w), cross([x, y, z], twice)); };
+const quaternionProduct = ([a, b, c, d], [e, f, g, h]) => [a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g, a * g - b * h + c * e + d * f, a * h + b * g - c * f + d * e];
+// The view of a camera of the model, mounted at a pose in a frame: it looks along its own -z, with y upwards.
+const mountedView = (camera, pose, aspect, near, far) => {
+  const quat = quaternionProduct(pose.quat, camera.mounted.quat), eye = add(pose.pos, turnedBy(pose.quat, camera.mounted.pos));
+  const [right, up, back] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].map((axis) => unit(turnedBy(quat, axis))), angle = radians(camera.field_of_view);
+  const matrix = multiply(perspective(angle, aspect, near, far), lookAlong(eye, right, up, back));
+  return { eye, forward: back.map((each) => -each), right, up, matrix, tangent: Math.tan(angle / 2) };
+};
+
 // Index of the last of the times at or before t; -1 before the first.
 const lastAt = (times, t) => {
   let low = 0, high = times.length;

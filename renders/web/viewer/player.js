@@ -71,7 +71,7 @@ class Player {
     this.charts = scene.charts.map((chart) => new TimeChart(chart, scene.duration, (t) => this.seek(t)));
     $("charts").append(...this.charts.map((chart) => chart.figure));
     if (scene.cameras.length) this.setStage(); else $("app").classList.add("flat");
-    this.setBar(); this.setLegend();
+    this.setBar(); this.setLegend(); this.setChoice();
     if (scene.live) this.live = new Live(this, scene.live);
     new ResizeObserver(() => this.change(true)).observe($("app"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.change(true));
@@ -144,6 +144,30 @@ class Player {
     $("legend").hidden = !this.scene.layers.length;
     if (innerWidth < 700) $("legend").open = false;
   }
+  // The charts that the reader has chosen, by name, stay in the address: a link to it, or the page of another run with
+  // the same end of its address, shows the same ones.
+  setChoice() {
+    const { charts } = this.scene, list = $("chosen").querySelector("ul"), names = charts.map(({ title, unit }) => (unit ? `${title} [${unit}]` : title));
+    const boxes = names.map((name) => {
+      const label = document.createElement("label"), box = document.createElement("input"), item = document.createElement("li");
+      box.type = "checkbox"; label.append(box, name); item.append(label); list.append(item);
+      return box;
+    });
+    const show = () => { boxes.forEach((box, k) => { this.charts[k].figure.hidden = !box.checked; }); this.change(true); };
+    const read = () => {
+      const wanted = new Set(new URLSearchParams(location.hash.slice(1)).getAll("chart")), some = names.some((name) => wanted.has(name));
+      boxes.forEach((box, k) => { box.checked = !some || wanted.has(names[k]); });
+      show();
+    };
+    list.addEventListener("change", () => {
+      const kept = names.filter((name, k) => boxes[k].checked);
+      if (!kept.length) boxes.forEach((box) => { box.checked = true; }); // of none there would be nothing to see
+      const chosen = kept.length && kept.length < names.length ? kept : [];
+      location.replace(`#${new URLSearchParams(chosen.map((name) => ["chart", name]))}`); show();
+    });
+    addEventListener("hashchange", read);
+    $("chosen").hidden = charts.length < 2 || this.scene.embedded; if (!$("chosen").hidden) read();
+  }
   play(playing) {
     if (this.live?.plays(playing)) return;
     if (playing && this.t >= this.scene.duration - 1e-9) this.t = 0;
@@ -177,9 +201,11 @@ class Player {
     const tall = camera.tall, raised = (p) => [p[0], p[1], scene.low + tall * (p[2] - scene.low)];
     const poses = Object.fromEntries(Object.entries(scene.motions).map(([name, motion]) => [name, poseAt(motion, t)]));
     const leader = camera.follow ? poses[camera.follow] : null;
-    if (leader) this.leader = leader;
+    if (leader) this.leader = leader; else if (!camera.follow) this.leader = null;
     const about = camera.follow && this.leader ? raised(this.leader.pos) : [0, 0, 0];
-    this.view = this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
+    this.view = camera.mounted
+      ? mountedView(camera, leader ?? this.leader ?? { pos: [0, 0, 0], quat: [1, 0, 0, 0] }, size.width / size.height, 0.002 * scene.extent, 8 * scene.extent)
+      : this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
     const shows = (layer) => !this.hidden.has(layer), lines = [];
     for (const own of scene.lines) if (shows(own.layer)) lines.push({ ...own, polylines: polylinesAt(own.motion ? { ...own, points: scene.motions[own.motion].pos, times: scene.motions[own.motion].t, offsets: [0, scene.motions[own.motion].t.length] } : own, t) });
     for (const pose of Object.values(poses)) if (pose?.ground != null) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [pose.pos[0], pose.pos[1], pose.ground, ...pose.pos], opacity: 0.8 }] });

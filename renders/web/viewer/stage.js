@@ -118,10 +118,10 @@ class Stage {
     const gl = this.gl, array = this.buffered(this.programs.surface, [["aPlace", own.vertices, 3], ["aNormal", normalsOf(own.vertices, own.faces), 3]]);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer()); gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, own.faces, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
-    const texture = own.picture ? this.texture(own.picture) : null;
+    const texture = own.picture ? this.texture(own.picture, own.tiled) : null;
     return { ...own, array, texture, count: own.faces.length };
   }
-  texture(bytes) {
+  texture(bytes, tiled) {
     const gl = this.gl, texture = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array([150, 150, 145, 255]));
@@ -131,8 +131,8 @@ class Stage {
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, picture);
       gl.generateMipmap(gl.TEXTURE_2D);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, tiled ? gl.REPEAT : gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, tiled ? gl.REPEAT : gl.CLAMP_TO_EDGE);
       const sharp = gl.getExtension("EXT_texture_filter_anisotropic");
       if (sharp) gl.texParameterf(gl.TEXTURE_2D, sharp.TEXTURE_MAX_ANISOTROPY_EXT, 8);
     });
@@ -202,7 +202,7 @@ class Stage {
     gl.uniformMatrix4fv(uniforms.uFrame, false, matrix);
     gl.uniform1f(uniforms.uTall, own.tall ? now.tall : 1);
     gl.uniform4fv(uniforms.uColour, colour ?? [...own.colour, own.opacity]);
-    gl.uniform1f(uniforms.uGlow, own.glow); gl.uniform1f(uniforms.uChecker, own.checker); gl.uniform1i(uniforms.uSmooth, own.smooth ? 1 : 0);
+    gl.uniform1f(uniforms.uGlow, own.glow); gl.uniform1f(uniforms.uChecker, own.tiled ? 0 : own.checker); gl.uniform1i(uniforms.uSmooth, own.smooth ? 1 : 0);
     gl.uniform1i(uniforms.uPictured, own.texture ? 1 : 0); gl.uniform4fv(uniforms.uBox, own.picture_box);
     if (own.texture) { gl.activeTexture(gl.TEXTURE0); gl.bindTexture(gl.TEXTURE_2D, own.texture); }
     gl.bindVertexArray(own.array); gl.drawElements(gl.TRIANGLES, own.count, gl.UNSIGNED_INT, 0);

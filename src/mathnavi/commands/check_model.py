@@ -20,6 +20,7 @@ import numpy as np
 
 from mathnavi.commands.check_findings import CheckResult, split_joined
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.model_signals import input_names, reading_unit
 from mathnavi.interfaces.reading.mechanisms import read_spec
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signals import DIVERGED, Event
@@ -39,13 +40,6 @@ ESTIMATORS = (
 )
 _HALVINGS = 5  # of a timestep that is too long
 _TICKS = 10  # steps at once
-_UNITS = {
-    "GYRO": "rad/s", "BALLANGVEL": "rad/s", "FRAMEANGVEL": "rad/s", "FRAMEANGACC": "rad/s^2",
-    "ACCELEROMETER": "m/s^2", "FRAMELINACC": "m/s^2", "VELOCIMETER": "m/s", "FRAMELINVEL": "m/s",
-    "SUBTREELINVEL": "m/s", "FRAMEPOS": "m", "RANGEFINDER": "m", "SUBTREECOM": "m", "GEOMDIST": "m", "TENDONPOS": "m",
-    "TENDONVEL": "m/s", "TOUCH": "N", "FORCE": "N", "TORQUE": "N m", "CLOCK": "s",
-    "MAGNETOMETER": "unit of option/magnetic",
-}  # fmt: skip
 _READING = 'MujocoSensor.of(model, "{vehicle}", "{name}", rate=HZ)'
 
 
@@ -180,7 +174,7 @@ def _moved(model: mujoco.MjModel, i: int, joints: Mapping[int, str], owner: Mapp
 
 
 def _input(model: mujoco.MjModel, i: int) -> str:
-    name = model.actuator(i).name.partition("/")[2]
+    name = ", ".join(each.removesuffix(" [-]") for each in input_names(model, i))
     low, high = model.actuator_ctrlrange[i]
     return f"{name} from {low:g} to {high:g}" if model.actuator_ctrllimited[i] else f"{name} without a bound"
 
@@ -299,15 +293,6 @@ def _short(model: mujoco.MjModel, i: int) -> str:
 
 
 def _sensor(model: mujoco.MjModel, i: int, reading: str) -> str:
-    noise, unit = float(model.sensor_noise[i]), _unit(model, i)
+    noise, unit = float(model.sensor_noise[i]), reading_unit(model, i)
     what = f"{_kind(model, i)}, {counted(int(model.sensor_dim[i]), 'number')}{f' [{unit}]' if unit else ''}"
     return f"{_short(model, i)}: {what}, {f'noise {noise:g}' if noise else 'exact'}, read by {reading}"
-
-
-def _unit(model: mujoco.MjModel, i: int) -> str:
-    """Unit of a reading, as MuJoCo's documentation has it; "" where it is none, or depends on the model."""
-    kind = mujoco.mjtSensor(int(model.sensor_type[i])).name.removeprefix("mjSENS_")
-    if kind in ("JOINTPOS", "JOINTVEL"):
-        slides = model.jnt_type[model.sensor_objid[i]] == mujoco.mjtJoint.mjJNT_SLIDE
-        return ("m" if slides else "rad") + ("/s" if kind == "JOINTVEL" else "")
-    return _UNITS.get(kind, "")

@@ -18,12 +18,13 @@ from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import leaves_of
 from mathnavi.interfaces.signals import Event
 from mathnavi.sim.engine.contact_messages import KINDS, declaration, thing_touched
-from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.log import Recording, names_of
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.plugin.groups import PREFIXES
 from mathnavi.sim.plugin.registry import NEEDED, check_class, load, loadable, names
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.declared_signals import check_declared, name_signals, with_inputs
 
 SECONDS = 0.5  # for which a scenario is flown
 WORDS = {"scenarios": "scenario", "controllers": "controller", "estimators": "estimator", "consensus": "consensus"}
@@ -155,15 +156,17 @@ def _check_scenario(place: str, scenario: Any, result: CheckResult) -> None:
             _describe(name, closed_loop, result)
         with spec.failures("a run"):
             duration = min(SECONDS, closed_loop.duration)
+            check_declared(closed_loop.plant, closed_loop.agents, closed_loop.estimands)
             recording = simulate(
                 closed_loop.plant, closed_loop.agents, duration, closed_loop.finished, network=closed_loop.network
             )
+            name_signals(recording, closed_loop.agents, closed_loop.task, closed_loop.estimands)
             closed_loop.summarise(recording, 1.0)
     except ValueError as error:
         result.refused(" ".join(str(error).split()))
         return
     _check_beginning(recording, duration, result)
-    _check_estimates(scenario, recording, result)
+    _check_estimates(recording, result)
     if closed_loop.task is None:
         inputs = f'{{"{closed_loop.plant.names[0]}": Inputs.within(("thrust [N]", ...), limits)}}'
         result.note("without a task it is no environment for learning", f"closed_loop(..., task=Task({inputs}, cost))")
@@ -186,9 +189,12 @@ def _describe(name: str, closed_loop: ClosedLoop, result: CheckResult) -> None:
         agents = f'{{"{name}": stack.agent(input_size=...)}}'
         result.note(f"{name} has no agent: it coasts", f"closed_loop(plant, {agents}, ...)")
         return
-    task = closed_loop.task
-    inputs = task.inputs[name].names if task is not None and name in task.inputs else ()
-    result.fact(f"{name}: input", [f"{agent.input_size}: {split_joined(inputs) or 'without names: a task names them'}"])
+    inputs = with_inputs(names_of(plant, name), closed_loop.task, name, agent.input_size).inputs
+    named = split_joined(inputs) if len(inputs) == agent.input_size else "without names"
+    result.fact(f"{name}: input", [f"{agent.input_size}: {named}"])
+    if len(inputs) != agent.input_size:
+        names = ", ".join(f'"NAME {k + 1} [UNIT]"' for k in range(agent.input_size))
+        result.note(f"the inputs of {name} have no names", f"VehicleSetup(..., signals=SignalNames(inputs=({names},)))")
 
 
 def _check_beginning(recording: Recording, duration: float, result: CheckResult) -> None:
@@ -219,13 +225,20 @@ def _touched(events: Sequence[Event]) -> list[tuple[str, list[str]]]:
     return list(found.items())
 
 
-def _check_estimates(scenario: Any, recording: Recording, result: CheckResult) -> None:
+def _check_estimates(recording: Recording, result: CheckResult) -> None:
     for name, size in _estimate_sizes(recording):
         states = recording.truths[name].shape[1]
-        if size != states and not hasattr(scenario, "errors"):
+        declared = len(recording.signals[name].estimands)
+        if size != states and not declared:
             result.note(
-                f"an estimate of {name} has {size} numbers, and its state {states}: errors are not known",
-                "@staticmethod\ndef errors(config, x, truth): return {'position [m]': ..., 'heading [rad]': ...}",
+                f"an estimate of {name} has {size} numbers, and its state {states}: neither their names nor their true "
+                "values are known",
+                "@staticmethod\ndef estimands(config, truth): return {'east [m]': truth[:, 0], 'heading [rad]': ...}",
+            )
+        elif size not in (states, declared) and not recording.signals[name].estimates:
+            result.note(
+                f"an estimate of {name} has {size} numbers, and estimands has {declared}: which they are is not known",
+                "numbers = ('east [m]', 'heading [rad]', ...)  # of the estimator",
             )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,12 +32,14 @@ from mathnavi.commands.wrapping import wrapped
 from mathnavi.estimators.stagewise.recorded_smoother import Smoothing
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
+from mathnavi.interfaces.signal_names import difference
 from mathnavi.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
 from mathnavi.sim.records.run_folder import SOMETIMES, RunLog, read_log
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
+from mathnavi.sim.scenarios.declared_signals import true_values
 from mathnavi.sim.scenarios.played_back import SMOOTHER, played_back
 
 USAGE = """usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]
@@ -159,13 +162,18 @@ def _comparison(spec: RunSpec, estimator: str, recorded: RunSpec, log: RunLog, r
 def _errors(spec: RunSpec, states: tuple[str, ...], t: Array, x: Array, log: RunLog) -> Mapping[str, tuple[str, str]]:
     """Return root mean square errors by name with unit: over the whole run, and over its last quarter.
 
-    The errors are those that the scenario computes, or state by state.
+    The errors are those that the scenario computes, or those of its estimands, or state by state.
     """
     truth = log.x[np.searchsorted(log.t, t - 1e-9)]
     if hasattr(spec.scenario_class, "errors"):
         errors = spec.scenario_class.errors(spec.config, x, truth)
     elif x.shape == truth.shape:
         errors = {name: x[:, k] - truth[:, k] for k, name in enumerate(states)}
+    elif hasattr(spec.scenario_class, "estimands"):
+        values = true_values(partial(spec.scenario_class.estimands, spec.config), truth)
+        if x.shape[1:] != (len(values),):
+            return {}
+        errors = {name: difference(name, x[:, k], each) for k, (name, each) in enumerate(values.items())}
     else:
         return {}
     late = t >= LATE * log.t[-1]

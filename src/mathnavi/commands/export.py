@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 from mathnavi.commands import opengl
 from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.errors import bad_input
+from mathnavi.commands.recorded_run import reading_run
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import checked_ending
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
 from mathnavi.interfaces.writing import naming, whole_files
-from mathnavi.sim.plugin.trust import trusting
 
 PURPOSE = "Write a run for the viewers of others: its scene, plans, estimates, readings, signals and events."
 
@@ -45,24 +44,20 @@ class ExportOptions:
 def main(argv: Sequence[str]) -> int:
     (options,) = parse(argv, "mathnavi export", PURPOSE, FlagGroup(ExportOptions))
     opengl.check_choice()
-    from mathnavi.commands.flown import import_from_here
     from mathnavi.renders.export import mcap_file, rerun_file  # the drawing modules take a while to import
     from mathnavi.renders.export.contents import read_run
 
-    if options.trust:  # a custom drawing
-        import_from_here()
     wanted = {
         path: module for path, module in ((options.rerun, rerun_file), (options.mcap, mcap_file)) if path is not None
     }
-    with ExitStack() as stack:
-        stack.enter_context(bad_input())
-        stack.enter_context(trusting(options.trust))
+    with bad_input():
         writers = [module.writer() for module in wanted.values()]  # before anything is read: a package may be missing
+    with reading_run(options.folder, options.trust, {"--rerun": options.rerun, "--mcap": options.mcap}):
         run = read_run(options.folder)
-        scratch = stack.enter_context(whole_files(*wanted))
-        for write, path, made in zip(writers, wanted, scratch, strict=True):
-            with naming(path):
-                write(made, run)
+        with whole_files(*wanted) as scratch:
+            for write, path, made in zip(writers, wanted, scratch, strict=True):
+                with naming(path):
+                    write(made, run)
     for path in wanted:
         print(path)
     return 0

@@ -7,8 +7,9 @@ on the command line, replaced. They are written whole or not at all, into a fold
 from __future__ import annotations
 
 import keyword
+import os
 import re
-import shutil
+import shlex
 import tempfile
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -17,9 +18,12 @@ from typing import Annotated, Literal
 
 from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.errors import BadInputError, bad_input
+from mathnavi.commands.output import output_folder
 from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.checks import check_path
 from mathnavi.interfaces.field_table import Positional
 from mathnavi.interfaces.reading.files import MEBIBYTE, read_text
+from mathnavi.interfaces.writing import naming
 from mathnavi.sim.plugin.groups import GROUPS
 from mathnavi.sim.plugin.registry import names
 
@@ -64,15 +68,18 @@ class NewOptions:
 def main(argv: Sequence[str]) -> int:
     purpose = "Make a folder with a plug-in that runs at once: code, model, test, README and pyproject.toml."
     (options,) = parse(argv, "mathnavi new", purpose, FlagGroup(NewOptions))
-    folder = options.out or Path(options.name)
-    if folder.exists() or folder.is_symlink():
-        raise BadInputError(f"{'--out' if options.out else 'NAME'} = {folder} exists; allowed: a new folder")
+    flag, folder = ("NAME", Path(options.name)) if options.out is None else ("--out", options.out)
     check_name(options.kind, options.name)
     with bad_input():
-        written = make(options.kind, options.name, folder)
+        check_path(folder, flag)
+        if os.path.lexists(folder):
+            raise BadInputError(f"{flag} = {folder} exists; allowed: a new folder")
+        with output_folder(folder.parent, flag):
+            written = make(options.kind, options.name, folder)
     for path in written:
         print(path)
-    print(f"next    cd {folder}; its README.md has the commands")
+    place = shlex.quote(f"./{folder}" if str(folder).startswith("-") else str(folder))
+    print(f"next    cd {place}; its README.md has the commands")
     return 0
 
 
@@ -103,15 +110,19 @@ def class_of(name: str) -> str:
 
 
 def make(kind: str, name: str, folder: Path) -> list[Path]:
-    """Write the files of a kind into a folder that is new, whole or not at all; return their paths."""
+    """Write the files of a kind into a folder that is new, whole or not at all; return their paths.
+
+    Raises OSError where it cannot be written, or where it is not new when all files are.
+    """
     files = contents(kind, name)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as scratch:
-        made = Path(scratch) / folder.name
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".mathnavi-new.") as scratch:
+        made = Path(scratch) / "made"
         for path, text in files.items():
-            (made / path).parent.mkdir(parents=True, exist_ok=True)
-            (made / path).write_text(text, encoding="utf-8")
-        shutil.move(made, folder)
+            with naming(folder / path):
+                (made / path).parent.mkdir(parents=True, exist_ok=True)
+                (made / path).write_text(text, encoding="utf-8")
+        with naming(folder):
+            os.rename(made, folder)  # which replaces no folder with files
     return [folder / path for path in files]
 
 

@@ -13,8 +13,8 @@ from mathnavi.sim.records.claimed_folder import ClaimedFolder, claimed
 
 
 @contextmanager
-def output_folder(folder: Path) -> Iterator[None]:
-    """Make the folder and check that it can be written to; if the block fails, remove what was made."""
+def output_folder(folder: Path, flag: str = "--out") -> Iterator[None]:
+    """Make the folder of a flag and check that it can be written to; if the block fails, remove what was made."""
     made: list[Path] = []
     try:
         try:
@@ -23,7 +23,7 @@ def output_folder(folder: Path) -> Iterator[None]:
             with tempfile.TemporaryFile(dir=folder):
                 pass
         except OSError as error:
-            raise _refused(folder, error) from error
+            raise _refused(folder, error, flag) from error
         yield
     except BaseException:
         for path in made:
@@ -52,5 +52,5 @@ def run_folder(folder: Path) -> Iterator[ClaimedFolder]:
         yield claim
 
 
-def _refused(folder: Path, error: OSError) -> BadInputError:
-    return BadInputError(f"--out = {folder}: {error.strerror}; allowed: a folder that can be made or written to")
+def _refused(folder: Path, error: OSError, flag: str = "--out") -> BadInputError:
+    return BadInputError(f"{flag} = {folder}: {error.strerror}; allowed: a folder that can be made or written to")

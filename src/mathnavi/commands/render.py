@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,12 +10,11 @@ from mathnavi.commands import opengl
 from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, print_error
-from mathnavi.commands.output import output_folder
+from mathnavi.commands.recorded_run import reading_run
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import checked_ending
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
-from mathnavi.sim.plugin.trust import trusting
 
 
 @configuration
@@ -69,27 +67,18 @@ def main(argv: Sequence[str]) -> int:
     purpose = "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp, or the file of --out."
     (options,) = parse(argv, "mathnavi render", purpose, FlagGroup(RenderOptions))
     opengl.check_choice()
-    from mathnavi.commands.flown import import_from_here
     from mathnavi.models.opengl import NoOpenGLError
     from mathnavi.renders.clip import write_clip  # the drawing modules take a while to import
     from mathnavi.renders.encoding import FORMATS
     from mathnavi.renders.film import TOUR
     from mathnavi.renders.video import STILLS, write_still, write_video
-    from mathnavi.sim.records.claimed_folder import kept_in_place
 
-    if options.trust:  # a custom drawing
-        import_from_here()
     if options.out is not None:
         with bad_input():
             checked_ending(options.out, STILLS if options.still else (".webp",) if options.clip else FORMATS, "--out")
     film = options.out or options.folder / f"{options.camera or 'video'}.mp4"
     try:
-        with ExitStack() as stack:
-            stack.enter_context(bad_input())
-            stack.enter_context(trusting(options.trust))
-            stack.enter_context(kept_in_place(options.folder))
-            if options.out is not None:
-                stack.enter_context(output_folder(options.out.parent))
+        with reading_run(options.folder, options.trust, {"--out": options.out}):
             if options.still:
                 path = write_still(options.folder, options.camera, options.out, t=options.time)
             elif options.clip:

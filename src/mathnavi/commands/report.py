@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +10,10 @@ from rich.console import Console
 
 from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.deadline import WallDeadline, watched
-from mathnavi.commands.errors import bad_input
-from mathnavi.commands.output import output_folder
+from mathnavi.commands.recorded_run import reading_run
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import PAGES, checked_ending
 from mathnavi.interfaces.field_table import Positional
-from mathnavi.sim.plugin.trust import trusting
 
 
 @configuration
@@ -42,19 +39,10 @@ def main(argv: Sequence[str]) -> int:
         return code
     purpose = "Write the page of a run, which needs no network: the one that `mathnavi run --report` writes."
     (options,) = parse(argv, "mathnavi report", purpose, FlagGroup(ReportOptions))
-    from mathnavi.commands.flown import import_from_here
     from mathnavi.renders.report import write_report  # the drawing modules take a while to import
-    from mathnavi.sim.records.claimed_folder import kept_in_place
 
-    if options.trust:  # a custom drawing
-        import_from_here()
-    with ExitStack() as stack:
-        stack.enter_context(bad_input())
-        stack.enter_context(trusting(options.trust))
-        stack.enter_context(kept_in_place(options.folder))
-        if options.out is not None:
-            stack.enter_context(output_folder(options.out.parent))
-        stack.enter_context(Console(stderr=True).status("writing the report"))  # visible only at a terminal
+    writing = Console(stderr=True).status("writing the report")  # visible only at a terminal
+    with reading_run(options.folder, options.trust, {"--out": options.out}), writing:
         path = write_report(options.folder, options.out)
     print(path)
     return 0

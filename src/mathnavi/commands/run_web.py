@@ -132,7 +132,7 @@ class FollowedRun:
 
     def _show(self, closed_loop: ClosedLoop) -> None:
         title = f"{self._spec.scenario}, seed {self._spec.seed}"
-        live = LiveScene(title, closed_loop.plant, closed_loop.config, closed_loop.duration)
+        live = LiveScene(title, closed_loop.plant, closed_loop.config, closed_loop.duration, closed_loop.estimands)
         with self._lock:
             self._generation += 1
             about = {

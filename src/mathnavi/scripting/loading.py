@@ -13,8 +13,14 @@ from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
 from mathnavi.scripting.run_result import RunResult
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.records.figure_names import SHORTFALL
-from mathnavi.sim.records.log_arrays import ACTIVATION, CRAMER_RAO
-from mathnavi.sim.records.run_folder import read_activation_names, read_arrays, read_record, read_state_names
+from mathnavi.sim.records.log_arrays import ACTIVATION, CRAMER_RAO, ESTIMANDS
+from mathnavi.sim.records.run_folder import (
+    read_activation_names,
+    read_arrays,
+    read_record,
+    read_signal_names,
+    read_state_names,
+)
 from mathnavi.sim.records.timing import read_timing
 
 _TRUTH = "truth.x"
@@ -35,6 +41,7 @@ def load(folder: str | Path, *, trust: bool = False) -> RunResult:
         recording = _recording(arrays, list(events), states, summary)
         timing = read_timing(Path(folder))
         recording.activation_names = read_activation_names(folder)
+        recording.signals = read_signal_names(folder)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
     success = SHORTFALL not in summary
@@ -47,7 +54,7 @@ def _recording(
     """Return the recording; arrays of a single vehicle have no prefix, those of a fleet their vehicle's name."""
     t = arrays["t"]
     single = _TRUTH in arrays
-    truths, agents, bounds, activations = {}, {}, {}, {}
+    truths, agents, bounds, activations, estimands = {}, {}, {}, {}, {}
     for name in states:
         prefix = "" if single else f"{name}."
         own = {key.removeprefix(prefix): rows for key, rows in arrays.items() if key != "t" and key.startswith(prefix)}
@@ -58,7 +65,9 @@ def _recording(
             bounds[name] = own[CRAMER_RAO]
         if ACTIVATION in own:
             activations[name] = own[ACTIVATION]
-    return Recording(t, truths, agents, events, dict(states), len(t), bounds, activations)
+        if ESTIMANDS in own:
+            estimands[name] = own[ESTIMANDS]
+    return Recording(t, truths, agents, events, dict(states), len(t), bounds, activations, estimands=estimands)
 
 
 def _agent(name: str, events: list[Event], own: Mapping[str, Array], requests: int) -> AgentRecorder:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,6 +37,14 @@ study noise --terrain hills.npz --out new
 study all --terrain hills.npz --out new --quick
 estimate textbook_ekf textbook --out new
 estimate full_state flight --out new
+report textbook
+report flight --out new.html
+check arm.xml
+check textbook-observer
+check textbook_ekf
+new vehicle mine
+new planner mine --out new
+new terrain mine --out new/mine
 render textbook --still
 render flight --still --camera top --time 0.1
 render arm --clip --begin 0 --end 0.1
@@ -56,11 +65,19 @@ completion words study no
 """
 
 
+EXPORTS = {  # lines that need an extra, by its module
+    "mcap": ("export textbook --mcap new.mcap", "export robot --mcap new.mcap"),
+    "rerun": ("export textbook --rerun new.rrd",),
+}
+LINES += "".join(f"{line}\n" for module, lines in EXPORTS.items() if find_spec(module) for line in lines)
+
+
 def command_of(words: Sequence[str]) -> str:
     """The command that words call: "run", "store show"."""
     return " ".join(words[: 2 if words[:1] in (["store"], ["terrain"], ("store",), ("terrain",)) else 1])
 
 
+FILES = ("--out", "--store", "--rerun", "--mcap")  # flags of what a command writes
 COMMANDS: dict[str, list[list[str]]] = {}  # good command lines
 for _line in LINES.strip().splitlines():
     COMMANDS.setdefault(command_of(_line.split()), []).append(_line.split())
@@ -90,9 +107,11 @@ def good(rng: Generator, shop: Path, work: Path, *commands: str) -> tuple[str, l
 
 def written(words: Sequence[str], work: Path) -> tuple[str, ...]:
     """Places in the working folder that words of a command allow it to write."""
-    named = [word for flag, word in pairwise(words) if flag in ("--out", "--store")]
-    named += [word.partition("=")[2] for word in words if word.startswith(("--out=", "--store="))]
-    if words[:1] == ["render"]:
+    named = [word for flag, word in pairwise(words) if flag in FILES]
+    named += [word.partition("=")[2] for word in words if word.partition("=")[0] in FILES]
+    if words[:1] == ["new"]:
+        named += [word for word in words[1:] if 0 < len(word) < 200]
+    if words[:1] in (["render"], ["report"]):
         named += [word for word in words[1:] if len(word) < 200 and (work / word).is_dir()]
     pages = [f"{os.path.splitext(name)[0]}{ending}" for name in named for ending in (".html", ".png")]
     return (DEFAULT_OUT, *named, *pages)

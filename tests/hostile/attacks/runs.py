@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from tests.hostile import files
 from tests.hostile.arrays import npz_file
-from tests.hostile.attacks.attack import Attack, bring
+from tests.hostile.attacks.attack import COMMANDS, Attack, bring
 from tests.hostile.judge import DEFAULT_OUT, Case
 from tests.hostile.originals import RUNS
 from tests.hostile.values import one_of
@@ -26,12 +26,15 @@ estimate ESTIMATOR RUN --out new
 run --from RUN --out new
 run {RUNS["textbook"]} --out RUN
 render RUN --still
+report RUN --out new.html
+report RUN
 """
 SLOW_LINES = """
 run --from RUN --out new --report
 render RUN --clip
 render RUN
 """
+LINES += "export RUN --mcap new.mcap\n" * ("export" in COMMANDS)
 SLOW = 0.05  # share of what takes long
 ESTIMATORS = {
     "flight": "full_state",
@@ -61,7 +64,13 @@ def _case(rng: Generator, shop: Path, work: Path, kind: str, mutation: Mutation)
     if "other" in words:
         shutil.copytree(shop / run, work / "other")
     done = mutation(rng, work / run)
-    writes = (DEFAULT_OUT, "new", "new.html", *([run] if words[0] == "render" or words[-1] == run else []))
+    writes = (
+        DEFAULT_OUT,
+        "new",
+        "new.html",
+        "new.mcap",
+        *([run] if words[0] in ("render", "report") or words[-1] == run else []),
+    )
     beside = {"estimate": (estimator,), "view": ("DISPLAY",)}.get(words[0], ())
     return Case(
         words[0], kind, words, (run, kind, "outside", done.rpartition(" ")[2], *beside), writes, f"{run}: {done}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from numpy.random import Generator
 
-from tests.hostile.attacks.attack import COMMANDS, Attack, bring, good, written
+from tests.hostile.attacks.attack import COMMANDS, FILES, Attack, bring, good, written
 from tests.hostile.judge import Case
 from tests.hostile.values import NUMBERS, PLACES, misspelt, one_of, text
 
@@ -66,12 +66,18 @@ def written_places(rng: Generator, shop: Path, work: Path) -> Case:
         "compare",
         "terrain import",
         "terrain show",
+        "report",
+        "new",
+        *(["export"] if "export" in COMMANDS else []),
     )
     command, words = good(rng, shop, work, *makers)
-    flag = next(word for word in words if word in ("--out", "--store"))
+    flag = next((word for word in words if word in FILES), "")
+    if not flag:  # of a command that need not be told
+        flag = "--out"
+        words += [flag, "new.html" if command == "report" else "new"]
     k = words.index(flag) + 1
     place = one_of(rng, PLACES)
-    if rng.random() < 0.4:
+    if rng.random() < 0.4 and not place.startswith("/dev"):  # a file with an ending can be made there
         place += Path(words[k]).suffix
     if rng.random() < 0.2:
         place = one_of(rng, TAKEN.split())
@@ -85,7 +91,8 @@ def written_places(rng: Generator, shop: Path, work: Path) -> Case:
 def read_places(rng: Generator, shop: Path, work: Path) -> Case:
     """Another thing in the place of what is read."""
     readers = ("run", "store show", "store export", "study", "estimate", "render", "view", "compare", "terrain import")
-    command, words = good(rng, shop, work, *readers, "terrain show")
+    more = ("terrain show", "report", "check", *(["export"] if "export" in COMMANDS else []))
+    command, words = good(rng, shop, work, *readers, *more)
     read = [k for k, word in enumerate(words) if k and (work / word).exists()]
     if not read:
         return any_words(rng, shop, work)
@@ -96,7 +103,7 @@ def read_places(rng: Generator, shop: Path, work: Path) -> Case:
     if rng.random() < 0.3:
         place += Path(former).suffix
     words[k] = place
-    culprits = (place[:30], place.strip(), ascii(place)[1:-1], "DIR", "FILE", "NAME", "missing")
+    culprits = (place[:30], place.strip(), ascii(place)[1:-1], "DIR", "FILE", "NAME", "missing", "not expected")
     return Case(command, "place", tuple(words), culprits, written(words, work), f"{former} is {place[:40]!r}")
 
 

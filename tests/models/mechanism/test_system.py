@@ -69,7 +69,7 @@ def test_states_and_inputs_have_names_and_units() -> None:
     assert system.states[:4] == ("position_j [m]", "position_k [rad]", "position_b_w [-]", "position_b_x [-]")
     assert system.states[6:8] == ("velocity_j [m/s]", "velocity_k [rad/s]")
     assert len(system.states) == system.manifold.size + system.manifold.vector_size
-    assert system.inputs == ("one [-]", "two [-]", "three [-]", "four [N m]")
+    assert system.inputs == ("one [-]", "two [rad]", "three [-]", "four [N m]")
     assert (system.constant, system.amplitude) == ((0.0,) * 4, (1.0, 2.0, 3.0, 4.0))
     cart = MechanismSystem(build_model("cart-pendulum"))
     assert (cart.states[0], cart.inputs) == ("position_cart [m]", ("cart [N]", "pole [N m]"))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array, Estimate, Event, Plan
@@ -18,11 +20,13 @@ from mathnavi.renders.generic.drawing import BOARD, SCENE_CAMERAS
 from mathnavi.renders.generic.run_data import GenericRun, load_run
 from mathnavi.renders.generic.scene import generic_scene
 from mathnavi.renders.report import write_report
+from mathnavi.renders.scene.bodies import body_surfaces
 from mathnavi.renders.scene.mujoco import MujocoScene
 from mathnavi.renders.video import STILL_SAMPLES
+from mathnavi.renders.web.document import packed
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.engine.scene_record import scene_arrays
+from mathnavi.sim.engine.scene_record import scene_arrays, shapes
 from mathnavi.sim.records.run_folder import SCENE, read_scene, write_run
 from tests.renders.drawn import draw_here, needs_opengl
 from tests.renders.reading import checked_report
@@ -33,9 +37,11 @@ MODEL = """
     <mesh name="keel" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/>
     <hfield name="shore" nrow="2" ncol="3" size="4 4 1 0.1" elevation="0 1 0 1 0 1"/>
     <material name="red" rgba="0.9 0.1 0.1 1"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.2 0.4 0.6" rgb2="0.4 0.6 0.8" width="512" height="64"/>
+    <material name="tiles" texture="tiles" texrepeat="0.5 0.25" texuniform="true"/>
   </asset>
   <worldbody>
-    <geom type="plane" size="0 0 1" contype="0" conaffinity="0"/>
+    <geom type="plane" size="0 0 1" contype="0" conaffinity="0" material="tiles"/>
     <geom type="hfield" hfield="shore" pos="0 20 0"/>
     <camera name="pier" pos="5 -12 4" xyaxes="1 0 0 0 0.3 1" fovy="60"/>
     <camera name="../../../out" pos="0 0 9"/>
@@ -100,6 +106,25 @@ def test_the_scene_holds_every_shape_and_where_it_was(folder: Path) -> None:
     )
 
 
+def test_a_floor_has_its_own_picture_and_a_page_the_cameras_of_the_model(folder: Path) -> None:
+    scene = generic_scene(load_run(folder))
+    (floor,) = (each for each in scene.surfaces if each.checker > 0.0)
+    assert (floor.tiled, floor.picture_box) == (True, (0.0, 0.0, 2.0, 4.0))
+    picture = np.asarray(Image.open(io.BytesIO(floor.picture)))
+    assert picture.shape[1] <= 256
+    assert {tuple(pixel) for pixel in picture.reshape(-1, 3).tolist()} == {(51, 102, 153), (102, 153, 204)}
+    assert {"pier", "cart/bow"} <= {camera["name"] for camera in packed(scene)["cameras"]}
+
+
+def test_a_floor_of_one_colour_keeps_it() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom type="plane" size="1 1 1" rgba="0.2 0.3 0.4 1"/></worldbody></mujoco>"""
+    )
+    still = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
+    (floor,) = body_surfaces(shapes(model), {}, still, endless=10.0)
+    assert (floor.colour, floor.tiled) == ((0.2, 0.3, 0.4), False)
+
+
 @needs_opengl
 def test_each_camera_shows_the_vehicle(folder: Path) -> None:
     cameras = [*SCENE_CAMERAS, "pier", BOARD]
@@ -140,6 +165,11 @@ FORGED: dict[str, tuple[Callable[[dict[str, Array]], object], str]] = {
     "half": (lambda a: a.pop("estimate.quat"), r"estimate\.pos is there alone; allowed: estimate\.pos and"),
     "time": (lambda a: a.update(t=a["t"][::-1]), "t does not increase"),
     "plans": (lambda a: a.update({"plan.cart.offsets": np.array([0, 99])}), "the plans of cart do not fit together"),
+    "picture": (lambda a: a.pop(next(name for name in a if name.startswith("texture."))), r"the texture \d is missing"),
+    "repeated": (
+        lambda a: a.update({"geom.repeat": -a["geom.repeat"]}),
+        r"geom\.repeat holds numbers that are not posit",
+    ),
     "texts": (lambda a: a.update(bodies=np.arange(3)), "bodies holds int64; allowed: texts"),
 }
 
@@ -201,25 +231,6 @@ def test_a_report_shows_no_cost_of_plans_that_state_none(folder: Path, tmp_path:
         agent.plans[:] = [(t, dataclasses.replace(plan, cost=cost)) for t, plan in agent.plans]
         write_run(tmp_path, CONFIG, {"arrived": True}, record)
         assert ("The objective of the plan" in write_report(tmp_path).read_text(encoding="utf-8")) is shown
-
-
-@pytest.mark.parametrize("whole", [True, False])
-def test_a_report_draws_the_readings_and_an_estimate_of_part_of_the_state(whole: bool, tmp_path: Path) -> None:
-    record = recording(moved())
-    agent, n = record.agents["cart"], record.length
-    agent.readings["compass"] = np.column_stack([np.sin(record.t), np.cos(record.t)])
-    if not whole:
-        agent.estimates[:] = [
-            dataclasses.replace(each, x=each.x[:2], covariance=None, extra={"bumper": np.zeros(1)})
-            for each in agent.estimates
-        ]
-    write_run(tmp_path, CONFIG, {"arrived": True}, record)
-    source = write_report(tmp_path).read_text(encoding="utf-8")
-    assert n > 1
-    assert "compass" in source
-    assert ("truth and estimate" in source) is whole
-    assert ("The estimate, which is not of the whole state" in source) is not whole
-    assert ("bumper" in source) is not whole
 
 
 def test_the_log_of_another_run_is_refused(folder: Path, tmp_path: Path) -> None:

@@ -132,3 +132,44 @@ def test_a_report_on_a_telephone_keeps_its_letters_and_moves_no_further_than_its
         assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") == 640
         seen.page.set_viewport_size({"width": 1280, "height": 800})
         assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") > 900
+
+
+def test_the_charts_that_are_chosen_stay_in_the_address(page: Path, browser: Any) -> None:
+    visible = (
+        "[...document.querySelectorAll('#charts figure:not([hidden]) figcaption')].map((each) => each.firstChild.data)"
+    )
+    with watched(browser) as seen:
+        seen.open(page.as_uri())
+        every = seen.page.evaluate(visible)
+        assert len(every) > 2
+        seen.page.evaluate("document.querySelector('#chosen').open = true")
+        seen.drawn("document.querySelector('#chosen input').click()")
+        assert seen.page.evaluate(visible) == every[1:]
+        address = seen.page.url
+        assert "#chart=" in address
+        seen.page.goto("about:blank")
+        seen.open(address)
+        assert seen.page.evaluate(visible) == every[1:]
+        seen.page.goto("about:blank")
+        seen.open(f"{page.as_uri()}#chart=of+another+run")
+        assert seen.page.evaluate(visible) == every
+        assert seen.complaints == []
+
+
+def test_a_camera_of_the_model_looks_along_its_own_axis_from_where_it_is_mounted(page: Path, browser: Any) -> None:
+    h = 0.5**0.5
+    # In a frame that is turned a quarter to the left, it looks along y of the frame, with z upwards.
+    look = f"""player.scene.motions.probe =
+            {{ t: [0], pos: [10, 0, 0], quat: [{h}, 0, 0, {h}], shown: [[-1e30, 1e30]] }};
+        player.choose({{ target: [0, 0, 0], distance: 1, azimuth: 0, elevation: 0, field_of_view: 90, follow: "probe",
+                         behind: 0, tall: 1, span: 0.06, mounted: {{ pos: [1, 0, 0], quat: [{h}, {h}, 0, 0] }} }})"""
+    point = """{ const matrix = player.view.matrix, place = [6, 1, 2, 1];
+        [0, 1, 3].map((i) => place.reduce((sum, each, k) => sum + matrix[4 * k + i] * each, 0)) }"""
+    with watched(browser) as seen:
+        seen.open(page.as_uri())
+        seen.drawn(look)
+        across, up, ahead = seen.page.evaluate(point)
+        eye = seen.page.evaluate("player.view.eye")
+    np.testing.assert_allclose(eye, [10.0, 1.0, 0.0], atol=1e-5)
+    # It looks westwards: a point 4 m ahead and 2 m above is half way up the picture, whose half is 45 degrees.
+    np.testing.assert_allclose([ahead, across / ahead, up / ahead], [4.0, 0.0, 0.5], atol=1e-5)

@@ -337,7 +337,7 @@ def test_each_input_has_a_limit_of_its_own_and_its_excess_is_reported_once_an_ep
     large, small = np.array([1500.0, -5000.0, 20.0]), np.array([1000.0, -4000.0, 50.0])
     events = [event for u in (large, large, small, large) for event in plant.step({"missile": u}, 10)]
     assert [event.kind for event in events] == ["input-clipped", "input-clipped"]
-    assert "-5000.0" in events[0].message
+    assert "-5000 " in events[0].message
     for u, ticks in ((np.array([1000.0, -4000.0, 20.0]), 20), (small, 10), (np.array([1000.0, -4000.0, 20.0]), 10)):
         x = PLANAR.flow(x, u, ticks * plant.dt)
     np.testing.assert_allclose(PLANAR.from_joints(plant.state("missile")), x, rtol=1e-9, atol=1e-9)
@@ -451,8 +451,8 @@ def test_a_free_joint_is_a_position_before_a_quaternion() -> None:
     state = np.array([1.0, 2.0, 3.0, 0.5, 0.5, -0.5, 0.5, 4.0, 5.0, 6.0, 0.7, 0.8, 0.9])
     plant = MujocoPlant(mujoco.MjModel.from_xml_string(FREE), {"v": VehicleSetup(state)}, np.random.default_rng(0))
     assert plant.state_names("v") == (
-        *(f"position_f_{axis} [m]" for axis in "xyz"), *(f"attitude_f_{axis} [-]" for axis in "wxyz"),
-        *(f"velocity_f_{axis} [m/s]" for axis in "xyz"), *(f"rate_f_{axis} [rad/s]" for axis in "xyz"),
+        *(f"position_{axis} [m]" for axis in "xyz"), *(f"attitude_{axis} [-]" for axis in "wxyz"),
+        *(f"velocity_{axis} [m/s]" for axis in "xyz"), *(f"rate_{axis} [rad/s]" for axis in "xyz"),
     )  # fmt: skip
     np.testing.assert_array_equal(plant.state("v"), state)
     plant.displace("v", np.array([1.0, -1.0, 0.5]))

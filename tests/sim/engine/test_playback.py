@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Estimate, PlanRequest
 from mathnavi.models.textbook.mission import OutputSensor
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
@@ -20,7 +21,7 @@ RUN = RecordedRun(
     np.arange(10.0).reshape(5, 2),
     np.array([[1.0], [2.0], [3.0], [4.0], [5.0]]),
     {"output": np.array([[0.5], [NAN], [0.7], [0.8], [NAN]]), "other": np.zeros((5, 3))},
-    ("x_1 [-]", "x_2 [-]"),
+    SignalNames(("x_1 [-]", "x_2 [-]")),
 )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.interfaces.signal_names import SignalNames
 from mathnavi.interfaces.signals import Array
 from mathnavi.sim.records.log_channels import Channel, channels_of
 from mathnavi.sim.records.run_folder import RunLog
@@ -62,7 +63,7 @@ def made_again(channels: list[Channel], t: Array) -> dict[str, Array]:
 
 def test_each_number_of_a_log_is_in_a_channel_at_its_time() -> None:
     arrays = log_arrays(np.random.default_rng(1))
-    channels = channels_of({"robot": log_of(arrays)}, {"robot": STATES}, {"robot": ("a [N]",)})
+    channels = channels_of({"robot": log_of(arrays)}, {"robot": SignalNames(STATES)}, {"robot": ("a [N]",)})
     found = made_again(channels, arrays["t"])
     assert found.keys() == arrays.keys()
     for name, rows in arrays.items():
@@ -76,7 +77,7 @@ def test_each_number_of_a_log_is_in_a_channel_at_its_time() -> None:
 def test_the_vehicles_of_a_fleet_have_channels_each() -> None:
     rng = np.random.default_rng(2)
     logs = {name: log_of(log_arrays(rng)) for name in ("v1", "v2")}
-    channels = channels_of(logs, dict.fromkeys(logs, STATES), {})
+    channels = channels_of(logs, dict.fromkeys(logs, SignalNames(STATES)), {})
     assert {channel.path for channel in channels} == {
         (vehicle, *rest)
         for vehicle in logs
@@ -91,7 +92,7 @@ def test_a_sensor_that_was_never_read_and_a_bound_of_no_columns_leave_no_rows() 
     arrays = log_arrays(np.random.default_rng(3))
     arrays["measurement.ranges"][:] = np.nan
     arrays["cramer_rao.deviation"] = np.empty((5, 0))
-    channels = channels_of({"robot": log_of(arrays)}, {"robot": STATES}, {})
+    channels = channels_of({"robot": log_of(arrays)}, {"robot": SignalNames(STATES)}, {})
     read = {channel.name: channel for channel in channels}
     assert len(read["readings/ranges"].t) == 0
     assert "cramer_rao" not in read

@@ -38,6 +38,7 @@ _WINDOWS = (0.1, 0.5, 2.0, 5.0)  # [s]
 _BRANCHED = 0.25  # [s] between two branches of dead reckoning
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
 _SOFT_SQUARE = float(chdtri(3, SOFT))  # of odometry that is to be used again
+_FINDS_A_POSE = 2  # rays that contradict a wrong pose in a short time; one fits nearly any
 _WITHOUT_ODOMETRY = 3  # rays that find a pose by themselves
 _NOISIER, _ANYHOW = 10.0, 0.2  # times the declared deviation, and of the greatest speeds: odometry that is left out
 _SUREST = 1e-6  # [m, rad] of a start
@@ -267,8 +268,9 @@ def guarded(
     of replays, where the other takes too long to run again; one whose update takes ``cost`` [s] about.
     """
     by_itself = finder is None
+    spare = mission.sensors - (_FINDS_A_POSE if mission.start is None else 1)
     return Guarded(
-        build(mission), PoseWitness(mission), most_out=most_out, trusted=by_itself or mission.start is not None,
+        build(mission), PoseWitness(mission), most_out=min(most_out, spare), trusted=(by_itself and mission.sensors > _FINDS_A_POSE) or mission.start is not None,
         recovery=None if finder is None else Relocation(mission, build, finder),
         restart=Restarts(mission, build, stand_in), cost=cost,
     )  # fmt: skip

@@ -230,7 +230,7 @@ class _Intrinsic:
             return False
         if found is not None and found.components is not None:
             alpha, beta, gamma = (np.broadcast_to(each, len(found.components)).copy() for each in found.weights)
-            self._errors.correct((alpha, beta, gamma), self._manifold.components(before, rate), h)
+            self._errors.correct(found.components, (alpha, beta, gamma), self._manifold.components(before, rate), h)
             self.residual = Residual(found.components, self._errors.predicted, alpha)
             self._learn_model(y)
             self._y, self._since = y, 0.0

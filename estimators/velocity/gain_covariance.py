@@ -10,7 +10,8 @@ n being the errors of readings, of variance R. So P = cov(e) follows
     P^- = F P F',    P = (1 - K H) P^- (1 - K H)' + K R K',
 
 which tends to the solution of Lyapunov's equation of these gains. It starts with the variance of a reading and that of
-a velocity of the mission's greatest speed. Forces that depend on the state are left out: most of them, as dampers and
+a velocity of the mission's greatest speed, or of what the second reading says of it: (L^2 + 2 R) / h^2, R
+with the square of a step in it. Forces that depend on the state are left out: most of them, as dampers and
 servos do, make errors smaller.
 
 The errors of rounding to steps of size Delta are alike for as long as the motion takes to cross a step. Over N =
@@ -42,7 +43,7 @@ class GainCovariance:
     """Covariances of n coordinates; it knows the errors of their readings."""
 
     def __init__(self, n: int) -> None:
-        self._P = np.zeros((n, 3, 3))
+        self._P, self._second = np.zeros((n, 3, 3)), False
         self._noise, self._steps = np.zeros(n), np.zeros(n)
         self.predicted = np.zeros(n)
         """variances (n,) [rad^2, m^2] of the positions before the last reading"""
@@ -54,7 +55,7 @@ class GainCovariance:
         self.learn(variance, steps)
         self._P[:] = 0.0
         self._P[:, 0, 0], self._P[:, 1, 1] = variance, speed**2
-        self.predicted = variance.copy()
+        self.predicted, self._second = variance.copy(), True
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""
@@ -65,10 +66,16 @@ class GainCovariance:
         """Let h [s] pass."""
         _predict(self._P, h)
 
-    def correct(self, weights: tuple[Array, Array, Array], rate: Array, h: float) -> None:
-        """Take a reading by its weights alpha, beta and gamma (n,), at rates (n,) [rad/s, m/s], h [s] after the one
-        before.
+    def correct(self, L: Array, weights: tuple[Array, Array, Array], rate: Array, h: float) -> None:
+        """Take a reading of the innovation L (n,) by its weights alpha, beta and gamma (n,), at rates (n,) [rad/s, m/s],
+        h [s] after the one before.
         """
+        if self._second:
+            self._second = False
+            noise = 2.0 * (self._noise + np.square(self._steps))
+            self._P[:, 1, 1] = np.minimum(self._P[:, 1, 1], (np.square(L) + noise) / h**2)
+            self._P[:, 0, 0] = np.minimum(self._P[:, 0, 0], np.square(L) + noise)
+            self._P[:, 0, 1] = self._P[:, 1, 0] = 0.0
         self.predicted = self._P[:, 0, 0].copy()
         _correct(self._P, *weights, self._noise, self._steps, rate, h)
 

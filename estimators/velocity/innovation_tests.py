@@ -47,6 +47,7 @@ _SLOWER = np.array([4.0, 16.0])  # times the memory 1 / alpha of a law, of the t
 _BY_NOISE = np.array([3.0, 2.0])  # deviations of each that noise explains
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
 _NOTHING = 1e-3  # of the greatest speed, below which an error is none
+_VISIBLE, _LASTING = 0.01, 0.25  # of the greatest speed, of an error that matters, and [s] after it was seen
 _LARGEST = 1e6  # of a factor of variances
 _WORDS = {MEAN: "mean", ENERGY: "spread"}
 
@@ -67,7 +68,7 @@ class InnovationTests:
         self._grace = max(settles, _EARLIEST, _READINGS * mission.period)
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
         self._e, self._speed = np.zeros(n), 0.0
-        self._begin, self._alarmed, self._lost = math.inf, -math.inf, -math.inf  # [s]
+        self._begin, self._alarmed, self._lost, self._seen = math.inf, -math.inf, -math.inf, -math.inf  # [s]
         self.ratio = 0.0
         """the worst statistic over its threshold"""
         self.message = ""
@@ -96,6 +97,8 @@ class InnovationTests:
         known = np.abs(self._z) - _BY_NOISE[:, np.newaxis] * np.sqrt(self._variance)
         self.shown = np.maximum(known, 0.0).max(axis=0)
         self._speed = max(self._speed * math.exp(-h / _SPEED_MEMORY), float(np.abs(rate + self._z[0]).max()))
+        if float(self.shown.max()) > _VISIBLE * self._speed:
+            self._seen = t
         if t < self._begin - TIME_TOLERANCE:
             return
         windows = self._windows
@@ -120,6 +123,10 @@ class InnovationTests:
             return Status.DEGRADED
         self.message = ""
         return Status.OK
+
+    def shows_error(self, t: float) -> bool:
+        """True if the readings have just shown an error of the velocity, above a hundredth of the greatest speed."""
+        return t - self._seen < _LASTING - TIME_TOLERANCE
 
     def deviation(self, known: Array) -> Array:
         """Standard deviations (2 n,) of positions and velocities, where those of a law are ``known`` (2 n,)."""

@@ -9,8 +9,8 @@ its parameters theta (``mathnavi.models.mechanism.parameters``), are one sample 
 
     tau = Phi theta + e,
 
-least squares with a prior N(0, D^2) of theta and with weights 1 / var(e_j) by joint, from the samples themselves. Old
-samples are forgotten with a time constant of 20 s. Where a motion does not excite a parameter, it keeps its prior, zero.
+least squares with a prior N(0, D^2) of theta and with weights 1 / var(e_j) by joint, from what the last theta leaves of
+the samples. Old samples are forgotten with a time constant of 20 s. Where a motion does not excite a parameter, it keeps its prior, zero.
 
 The parameters are **found** if they explain more of tau than chance does, one in 1e6 (chi-square, p degrees of
 freedom), and **known** if the torques that they add at the samples are known to a fifth, by the covariance of theta.
@@ -23,6 +23,7 @@ import math
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mathnavi.interfaces.signals import Array
@@ -34,10 +35,10 @@ _UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
 _MEMORY = 20.0  # [s]
 _CHANCE = 1e-6
 _KNOWN = 0.2  # of the torque that parameters add, to which it is known
-_SOONEST, _BETWEEN = 12, 8  # samples before the first model and from one to the next
+_SOONEST, _BETWEEN = 8, 8  # samples before the first model and from one to the next
 _SHARE = 5e-3  # of the torques of parameters that are off by a prior deviation: the error of a sample, at least
 _CHANGED = 0.05  # of a prior deviation, by which a parameter has changed
-_SPREAD_MEMORY = 40.0  # samples of var(e)
+_LEAST = 1e-12  # [N^2 m^2, N^2]
 
 
 class ModelLearning:
@@ -50,8 +51,10 @@ class ModelLearning:
         self._past: deque[tuple[float, Array, Array]] = deque()
         self._kernel: tuple[Array, Array, Array, Array] | None = None
         self._h, self._since = 0.0, 0
-        self._A, self._b = np.zeros((p, p)), np.zeros(p)  # of the weighted squares
-        self._spread: Array | None = None  # (n,) var(e)
+        self._A: Array | None = None  # (n, p, p) sum of Phi_j' Phi_j, by joint
+        self._b, self._squares = np.zeros((0, p)), np.zeros((2, 0))  # sums of Phi_j' tau_j, and of tau_j^2 and its error
+        self._waiting: deque[tuple[Array, Array, NDArray[np.bool_]]] = deque(maxlen=_OFTEN + 1)
+        self._count: Array | float = 0.0  # (n,) of the samples that are not forgotten
         self._samples, self._next = 0, _SOONEST
         self._limit = float(chdtri(p, _CHANCE))
         self.theta, self.used = np.zeros(p), np.zeros(p)
@@ -67,6 +70,7 @@ class ModelLearning:
         if past and (self._h == 0.0 or abs(h - self._h) > _UNEVEN * self._h):
             if len(past) > 1:
                 past.clear()
+                self._waiting.clear()
             self._set_step(h)
         past.append((t, y, u))
         self._since += 1
@@ -107,35 +111,41 @@ class ModelLearning:
         Y, U = np.array([each for _, each, _ in self._past]), np.array([each for _, _, each in self._past])
         middle = Y[len(Y) // 2]
         moved = Y - middle
-        lacking = self.parameters.lacking(middle + w @ moved, dw @ moved, ddw @ moved, wu @ U)
-        if lacking is None:
+        self._waiting.append(self.parameters.lacking(middle + w @ moved, dw @ moved, ddw @ moved, wu @ U))
+        if len(self._waiting) < _OFTEN + 1:
             return None
-        tau, Phi = lacking
-        self._samples += 1
+        tau, Phi, _ = self._waiting[_OFTEN // 2]
+        clear = np.logical_and.reduce([each for _, _, each in self._waiting])[:, np.newaxis]
+        tau, Phi = tau * clear[:, 0], Phi * clear  # the windows of neighbours overlap
         D = self.parameters.prior
-        least = np.square(_SHARE * np.abs(Phi * D).max(axis=1)) + 1e-12
-        e = np.maximum(np.square(tau - Phi @ self.theta), least)
-        if self._spread is None:
-            self._spread = np.square(tau) + least
-        self._spread += (e - self._spread) / min(self._samples, _SPREAD_MEMORY)
-        weight = 1.0 / (_OFTEN * self._spread)
+        if self._A is None:
+            n = len(tau)
+            self._A, self._b, self._squares = np.zeros((n, self._p, self._p)), np.zeros((n, self._p)), np.zeros((2, n))
+        self._samples += 1
         kept = math.exp(-self._h * len(Y) / _OFTEN / _MEMORY)
-        weighted = Phi * weight[:, np.newaxis]
-        G = Phi.T @ weighted
-        self._A, self._b = kept * self._A + G, kept * self._b + weighted.T @ tau
-        return self._solve() if self._samples >= _SOONEST else None
+        self._count = kept * self._count + clear[:, 0]
+        self._A *= kept
+        self._A += Phi[:, :, np.newaxis] * Phi[:, np.newaxis]
+        self._b = kept * self._b + Phi * tau[:, np.newaxis]
+        least = (np.square(_SHARE * np.abs(Phi * D).max(axis=1)) + _LEAST) * clear[:, 0]
+        self._squares = kept * self._squares + np.stack([np.square(tau), least])
+        return self._solve()
 
     def _solve(self) -> Step | None:
-        D = self.parameters.prior
-        A = D[:, np.newaxis] * self._A * D + np.eye(self._p)  # of theta / D
+        assert self._A is not None
+        D, theta = self.parameters.prior, self.theta
+        left = self._squares[0] - 2.0 * self._b @ theta + np.einsum("j,ijk,k->i", theta, self._A, theta)
+        spread = np.maximum(left, self._squares[1]) / np.maximum(self._count, 1.0)
+        weight = 1.0 / (_OFTEN * np.maximum(spread, _LEAST))
+        data = D[:, np.newaxis] * np.tensordot(weight, self._A, 1) * D  # of theta / D
+        A = data + np.eye(self._p)
         inverse = np.linalg.inv(A)
-        scaled = inverse @ (D * self._b)
+        scaled = inverse @ (D * (weight @ self._b))
         self.theta = D * scaled
-        explained = float(scaled @ (A @ scaled))
-        self.found = explained > self._limit
-        added = float(scaled @ ((A - np.eye(self._p)) @ scaled))
-        unknown = float(np.trace(inverse @ (A - np.eye(self._p))))
-        self.known = self.found and unknown <= _KNOWN**2 * added
+        if self._samples < _SOONEST:
+            return None
+        self.found = float(scaled @ A @ scaled) > self._limit
+        self.known = self.found and float(np.trace(inverse @ data)) <= _KNOWN**2 * float(scaled @ data @ scaled)
         if not self.known or (np.abs(self.theta - self.used) <= _CHANGED * D).all() or self._samples < self._next:
             return None
         self.used, self._next = self.theta.copy(), self._samples + _BETWEEN

@@ -113,7 +113,7 @@ class GatedLaw(ABC):
         self._state = self._corrected(x, v, L, weights)
         every = np.ones(len(L))
         gains = (weights[0] * every, weights[1] * every, weights[2] * every)
-        self._errors.correct(gains, manifold.components(x, v), h)
+        self._errors.correct(L, gains, manifold.components(x, v), h)
         self.residual = Residual(L, self._errors.predicted, gains[0])
         self._y = y
         return True
@@ -156,7 +156,7 @@ class VelocityLaw(Protocol):
 
     @property
     def doubt(self) -> str:
-        """Why its estimate is degraded, whatever its innovations; "" if it is not."""
+        """Why its estimate is degraded if the readings show that its velocity is off; "" if it is not."""
         ...
 
     @property
@@ -359,6 +359,7 @@ class PositionObserver:
     def _status(self, t: float, covariance: Array | None) -> Status:
         status, safe = self._timeout_monitor.status(t, covariance), self._safe_answer
         if status.usable and self._t is not None:
-            tested = worst(self._tests.status(t), Status.DEGRADED if self._law.doubt else Status.OK)
+            doubted = bool(self._law.doubt) and self._tests.shows_error(t)
+            tested = worst(self._tests.status(t), Status.DEGRADED if doubted else Status.OK)
             return worst(status, tested) if safe is None else worst(status, safe.status, tested)
         return status if self._t is not None or status is Status.INITIALISING else Status.LOST

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
@@ -156,9 +157,9 @@ class UncertainParameters(Protocol):
         """Time [s] from a position to the middle of the input that goes with it in a step."""
         ...
 
-    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> tuple[Array, Array] | None:
-        """Torque (n,) that the system lacks at q, v and a (n,) with u (nu,) of ``delay`` later, and what parameters add to it (n, p); None
-        where it says nothing of them.
+    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Torque (n,) that the system lacks at q, v and a (n,) with u (nu,) of ``delay`` later, what parameters add to it
+        (n, p), and in which components (n,) that is true.
         """
         ...
 

@@ -49,11 +49,6 @@ class ClosedChains:
         allowed: Array = c - across @ (J @ c)
         return allowed
 
-    def projector(self, q: Array) -> Array:
-        """The matrix (nv, nv) of ``tangent`` at q (nq,), which is symmetric: forces of the chains are in its kernel."""
-        J, across, _ = self._rows(q)
-        return np.eye(self._model.nv) - across @ J
-
     def nearest(self, q: Array) -> Array:
         """Position (nq,) at which the chains are closed, near q (nq,); nearer to it, at least, where q is far off."""
         found = q.copy()

@@ -13,10 +13,11 @@ The columns of Phi (nv, p) are
     friction j   - tanh(v_j / v_0)                  [N m, N]
     load         - (M a + c) of the last link       share of its mass and inertia
 
-and are zero for an actuator whose force is at the end of its range. In a step of h the velocity is that at its end and
+Nothing follows for a joint that an actuator moves whose force is near the end of its range: it may be at the end for a
+part of the time over which a state is a mean. In a step of h the velocity is that at its end and
 the position that at its start (``implicit_step``): at the position that is given, v is later by h / 2, and u is held
-from there on. Where chains are closed, both sides are projected onto the
-motions that these allow, along which the forces that close them do no work.
+from there on. In contact, at limits and where chains are closed, both sides are
+projected onto the motions that these allow, along which their forces do no work.
 """
 
 from __future__ import annotations
@@ -27,17 +28,23 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from numpy.typing import NDArray
+
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.mechanism.closed_chains import ClosedChains
 from mathnavi.models.mechanism.geometry import evaluated
 from mathnavi.models.mechanism.implicit_step import ImplicitStep
 
+Flags = NDArray[np.bool_]
 _FIXED, _AFFINE_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 _UNBIASED, _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_FRICTION_ROWS = tuple(int(getattr(mujoco.mjtConstraint, f"mjCNSTR_FRICTION_{of}")) for of in ("DOF", "TENDON"))
+_DEPENDENT = 1e-9  # of the greatest eigenvalue of J J', below which rows say nothing
 _ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _SHARE = 0.3  # standard deviation of a share before anything is known
 _DAMPING, _FRICTION = 5.0, 1.0  # [1/s], [rad/s^2, m/s^2] times the inertia of a joint: those of damping and friction
 _STANDING = 0.02  # [rad/s, m/s] v_0
+_NEAR = 0.75  # of a force range
+_NOTHING = 1e-12
 _LEAST, _MOST = 0.1, 10.0  # of a nominal gain or load
 
 
@@ -46,6 +53,7 @@ class LackingTorque(NamedTuple):
 
     torque: Array  # (nv,) [N m, N]
     effect: Array  # (nv, p) Phi
+    clear: Flags  # (nv,) whether no actuator of the joint is near the end of its force
 
 
 class MechanismParameters:
@@ -53,8 +61,9 @@ class MechanismParameters:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._nominal, self._model = evaluated(model), evaluated(model)
-        self._chains = ClosedChains.of(model)
-        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+        self._model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
+        self._model.actuator_forcelimited[:] = 0
+        self._model.jnt_actfrclimited[:] = 0
         self._data = mujoco.MjData(self._model)
         self._link = int(model.jnt_bodyid[-1])
         self._load_model = evaluated(model)
@@ -92,36 +101,48 @@ class MechanismParameters:
         self.delay = 0.0 if mean_velocity else 0.5 * float(model.opt.timestep)
         """time [s] from a position to the velocity and the middle of the input that go with it in a step"""
 
-    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> LackingTorque | None:
-        """Torque that the model lacks at q (nq,), v, a (nv,), u (nu,) of ``delay`` later; None in contact and at the joints' limits."""
+    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> LackingTorque:
+        """Torque that the model lacks at q (nq,), v, a (nv,), with u (nu,) of ``delay`` later."""
         model, data = self._model, self._data
         v = v + self.delay * a
         data.qpos[:], data.qvel[:], data.qacc[:], data.ctrl[:] = q, v, a, u
         mujoco.mj_inverse(model, data)
-        if data.ncon or data.nl:
-            return None
         mujoco.mj_fwdActuation(model, data)
-        torque, effect = data.qfrc_inverse - data.qfrc_actuator, self._effect(q, v, a, u)
-        if self._chains is None:
-            return LackingTorque(torque, effect)
-        T = self._chains.projector(q)
-        return LackingTorque(T @ torque, T @ effect)
-
-    def _effect(self, q: Array, v: Array, a: Array, u: Array) -> Array:
-        model, data = self._model, self._data
         moment = np.zeros((model.nu, model.nv))
         mujoco.mju_sparse2dense(
             moment, data.actuator_moment.ravel(), data.moment_rownnz, data.moment_rowadr, data.moment_colind
         )
-        force, (least, most) = data.actuator_force, model.actuator_forcerange.T
-        free = (model.actuator_forcelimited == 0) | ((force > least) & (force < most))
+        clear = self._clear(moment, data.qfrc_inverse)
+        torque, effect = data.qfrc_inverse - data.qfrc_actuator, self._effect(moment, (q, v, a, u))
+        holds = np.flatnonzero(~np.isin(data.efc_type[: data.nefc], _FRICTION_ROWS))
+        if not len(holds):
+            return LackingTorque(torque, effect, clear)
+        J = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)[holds]
+        T = np.eye(model.nv) - J.T @ np.linalg.pinv(J @ J.T, rcond=_DEPENDENT, hermitian=True) @ J
+        return LackingTorque(T @ torque, T @ effect, clear)
+
+    def _clear(self, moment: Array, torque: Array) -> Flags:
+        """True (nv,) for a joint that no actuator acts on whose force, by the ``torque`` (nv,) that moves the mechanism, is
+        near the end of its range.
+        """
+        nominal = self._nominal
+        force = moment @ torque / np.maximum(np.square(moment).sum(axis=1), _NOTHING)
+        least, most = _NEAR * nominal.actuator_forcerange.T
+        near = (nominal.actuator_forcelimited != 0) & ((force <= least) | (force >= most))
+        least, most = _NEAR * nominal.jnt_actfrcrange[nominal.dof_jntid].T
+        at_joint = (nominal.jnt_actfrclimited[nominal.dof_jntid] != 0) & ((torque <= least) | (torque >= most))
+        clear: Flags = ~(moment[near] != 0.0).any(axis=0) & ~at_joint
+        return clear
+
+    def _effect(self, moment: Array, at: tuple[Array, Array, Array, Array]) -> Array:
+        model, data, (q, v, a, u) = self._model, self._data, at
         ends = np.where(model.actuator_ctrllimited[:, np.newaxis], model.actuator_ctrlrange, (-np.inf, np.inf)).T
         bias = model.actuator_biasprm[:, :3] * self._biased[:, np.newaxis]
         static = model.actuator_gainprm[:, 0] * np.clip(u, *ends) + bias[:, 0] + bias[:, 1] * data.actuator_length
         rate = bias[:, 2] * data.actuator_velocity
         return np.column_stack([
-            (moment * (free * static)[:, np.newaxis])[self._gains].T,
-            (moment * (free * rate)[:, np.newaxis])[self._rate_gains].T,
+            (moment * static[:, np.newaxis])[self._gains].T,
+            (moment * rate[:, np.newaxis])[self._rate_gains].T,
             -np.diag(v)[:, self._damped],
             -np.diag(np.tanh(v / _STANDING)),
             -self._of_load(q, v, a),

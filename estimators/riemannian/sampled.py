@@ -20,8 +20,8 @@ velocity, there are three poles at rho = e^(-omega h):
     alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
 
 With a ``tuning`` each component has its own omega, see ``gains``. A ``SteppedSystem`` is predicted by its own steps, or
-by those of what was learned of it, the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta). Where the system has closed chains,
-L is what of it they allow.
+by those of what was learned of it, the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta).
+Where the system has closed chains, L is what of it they allow.
 """
 
 from __future__ import annotations

@@ -3,16 +3,16 @@
 Of every coordinate, the errors e = (e_x, e_v, e_a) of position, velocity and, where it is estimated, of the
 acceleration that the model lacks go from reading to reading as
 
-    e^- = F e,    e = (1 - K H) e^- - K n,        F = [1 h h^2/2; 0 1 h; 0 0 1],  K = (alpha, beta, gamma),  H = (1 0 0),
+    e^- = F e,    e = (1 - K H) e^- - K n,    F = [1 h h^2/2; 0 1 h; 0 0 1],  K = (alpha, beta, gamma),  H = (1 0 0),
 
 n being the errors of readings, of variance R. So P = cov(e) follows
 
     P^- = F P F',    P = (1 - K H) P^- (1 - K H)' + K R K',
 
 which tends to the solution of Lyapunov's equation of these gains. It starts with the variance of a reading and that of
-a velocity of the mission's greatest speed, or of what the second reading says of it: (L^2 + 2 R) / h^2, R
-with the square of a step in it. Forces that depend on the state are left out: most of them, as dampers and
-servos do, make errors smaller.
+a velocity of the mission's greatest speed, or of what the second reading says of it: (L^2 + 2 R) / h^2, R with the
+square of a step in it. Forces that depend on the state are left out: most of them, as dampers and servos do, make
+errors smaller.
 
 The errors of rounding to steps of size Delta are alike for as long as the motion takes to cross a step. Over N =
 Delta / |v h| readings they count as one, and so as N times their variance Delta^2 / 12, up to the memory of the
@@ -67,8 +67,8 @@ class GainCovariance:
         _predict(self._P, h)
 
     def correct(self, L: Array, weights: tuple[Array, Array, Array], rate: Array, h: float) -> None:
-        """Take a reading of the innovation L (n,) by its weights alpha, beta and gamma (n,), at rates (n,) [rad/s, m/s],
-        h [s] after the one before.
+        """Take a reading of the innovation L (n,) by its weights alpha, beta and gamma (n,), h [s] after the one before,
+        at rates (n,) [rad/s, m/s].
         """
         if self._second:
             self._second = False

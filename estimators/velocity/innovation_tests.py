@@ -16,8 +16,8 @@ the true one: so
     v - v^  =  mean of alpha L / h,
 
 whatever the model. Its low-pass z over four and over sixteen readings' worth 1 / alpha of memory, less what noise makes
-of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than s / 2, the
-estimate says nothing of the velocity, and is LOST.
+of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than
+s / 2, the estimate says nothing of the velocity, and is LOST.
 
 The spread of innovations also says by how much they are larger than declared, at least, and sooner than an alarm does:
 r_i, the largest sum e_i^2 / chi2_c(0.1) over the windows, where one is beyond chi2_c(0.001). All of it is put to the
@@ -58,7 +58,9 @@ class InnovationTests:
     def __init__(self, mission: LagrangianMission, settling: float) -> None:
         """``settling`` [s] is the time in which the errors of a start decay."""
         n = mission.system.manifold.dimension
-        self._names = [name.partition(" [")[0] for name in mission.system.states[-mission.system.manifold.vector_size :]]
+        self._names = [
+            name.partition(" [")[0] for name in mission.system.states[-mission.system.manifold.vector_size :]
+        ]
         self._thresholds = Thresholds.of(n, mission.period, _WINDOWS, further=1)
         self._windows = Windows(self._thresholds, n, _KAPPA + CLIP**2 * mission.reading.jump)
         freedom = np.arange(1, int(self._thresholds.lengths[-1]) + 1)
@@ -153,7 +155,16 @@ class InnovationTests:
 
 @njit(cache=True, nogil=True)
 def _weigh(
-    L: Array, P: Array, gain: Array, R: Array, steps: Array, least: float, h: float, slower: Array, e: Array, z: Array,
+    L: Array,
+    P: Array,
+    gain: Array,
+    R: Array,
+    steps: Array,
+    least: float,
+    h: float,
+    slower: Array,
+    e: Array,
+    z: Array,
     variance: Array,
 ) -> None:
     """Normalise innovations L (n,) to e (n,), and update the means z (2, n) of gain L / h with their ``variance``.
@@ -171,9 +182,7 @@ def _weigh(
 
 
 @njit(cache=True, nogil=True)
-def _excess(
-    sums: Array, k: int, lengths: Integers, kappa: float, likely: Array, unlikely: Array, r: Array
-) -> None:
+def _excess(sums: Array, k: int, lengths: Integers, kappa: float, likely: Array, unlikely: Array, r: Array) -> None:
     """Write by how much the innovations of each channel are larger than declared, at least, to r (l,)."""
     size, l = len(sums), len(r)  # noqa: E741
     now = sums[k % size]

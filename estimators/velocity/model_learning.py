@@ -10,10 +10,12 @@ its parameters theta (``mathnavi.models.mechanism.parameters``), are one sample 
     tau = Phi theta + e,
 
 least squares with a prior N(0, D^2) of theta and with weights 1 / var(e_j) by joint, from what the last theta leaves of
-the samples. Old samples are forgotten with a time constant of 20 s. Where a motion does not excite a parameter, it keeps its prior, zero.
+the samples. Old samples are forgotten with a time constant of 20 s. Where a motion does not excite a parameter, it
+keeps its prior, zero.
 
 The parameters are **found** if they explain more of tau than chance does, one in 1e6 (chi-square, p degrees of
-freedom), and **known** if the torques that they add at the samples are known to a fifth, by the covariance of theta.
+freedom), and if the torque that they add to a joint is more than 2 % of that of gains that are off by their prior
+deviation; and **known** if the torques that they add at the samples are known to a fifth, by the covariance of theta.
 Found and not known is reason to doubt the model; known is reason to use another one.
 """
 
@@ -34,6 +36,7 @@ _OFTEN = 4  # samples in a window
 _UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
 _MEMORY = 20.0  # [s]
 _CHANCE = 1e-6
+_MATTERS = 4.0  # times the least error of a sample, that the torque of parameters is
 _KNOWN = 0.2  # of the torque that parameters add, to which it is known
 _SOONEST, _BETWEEN = 8, 8  # samples before the first model and from one to the next
 _SHARE = 5e-3  # of the torques of parameters that are off by a prior deviation: the error of a sample, at least
@@ -52,7 +55,10 @@ class ModelLearning:
         self._kernel: tuple[Array, Array, Array, Array] | None = None
         self._h, self._since = 0.0, 0
         self._A: Array | None = None  # (n, p, p) sum of Phi_j' Phi_j, by joint
-        self._b, self._squares = np.zeros((0, p)), np.zeros((2, 0))  # sums of Phi_j' tau_j, and of tau_j^2 and its error
+        self._b, self._squares = (
+            np.zeros((0, p)),
+            np.zeros((2, 0)),
+        )  # sums of Phi_j' tau_j, and of tau_j^2 and its error
         self._waiting: deque[tuple[Array, Array, NDArray[np.bool_]]] = deque(maxlen=_OFTEN + 1)
         self._count: Array | float = 0.0  # (n,) of the samples that are not forgotten
         self._samples, self._next = 0, _SOONEST
@@ -62,8 +68,8 @@ class ModelLearning:
         self.found = self.known = False
 
     def read(self, t: float, y: Array, u: Array) -> Step | None:
-        """Take a reading y (nq,) of t [s], before which u (nu,) was held; return the step that is to be used from now on,
-        if there is another one.
+        """Take a reading y (nq,) of t [s], before which u (nu,) was held; return the step that is to be used from now
+        on, if there is another one.
         """
         past = self._past
         h = t - past[-1][0] if past else 0.0
@@ -72,7 +78,7 @@ class ModelLearning:
                 past.clear()
                 self._waiting.clear()
             self._set_step(h)
-        past.append((t, y, u))
+        past.append((t, y, self.parameters.within(u)))
         self._since += 1
         if self._kernel is None or len(past) < len(self._kernel[0]):
             return None
@@ -144,7 +150,9 @@ class ModelLearning:
         self.theta = D * scaled
         if self._samples < _SOONEST:
             return None
-        self.found = float(scaled @ A @ scaled) > self._limit
+        added = np.einsum("j,ijk,k->i", self.theta, self._A, self.theta)
+        matters = bool((added > _MATTERS**2 * self._squares[1]).any())
+        self.found = matters and float(scaled @ A @ scaled) > self._limit
         self.known = self.found and float(np.trace(inverse @ data)) <= _KNOWN**2 * float(scaled @ data @ scaled)
         if not self.known or (np.abs(self.theta - self.used) <= _CHANGED * D).all() or self._samples < self._next:
             return None

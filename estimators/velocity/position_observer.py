@@ -249,9 +249,13 @@ class PositionObserver:
         integrity = {"deviation": self._deviation(), "integrity": np.array([self._tests.ratio])}
         estimate = self.reading_errors.doubted(
             Estimate(
-                t, x, covariance, status, {**extra, **integrity, **counts, **self.counts.extra},
+                t,
+                x,
+                covariance,
+                status,
+                {**extra, **integrity, **counts, **self.counts.extra},
                 message or self._tests.message or self._law.doubt,
-            )  # fmt: skip
+            )
         )
         found = possible_or_lost(self._mission, estimate)
         if found is estimate:

@@ -157,9 +157,13 @@ class UncertainParameters(Protocol):
         """Time [s] from a position to the middle of the input that goes with it in a step."""
         ...
 
+    def within(self, u: Array) -> Array:
+        """Inputs (nu,) within their ranges."""
+        ...
+
     def lacking(self, q: Array, v: Array, a: Array, u: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Torque (n,) that the system lacks at q, v and a (n,) with u (nu,) of ``delay`` later, what parameters add to it
-        (n, p), and in which components (n,) that is true.
+        """Torque (n,) that the system lacks at q, v and a (n,) with u (nu,) of ``delay`` later, what parameters add to
+        it (n, p), and in which components (n,) that is true.
         """
         ...
 

@@ -1,7 +1,7 @@
-"""Parameters of a mechanism that its file may have wrong: gains of actuators, damping, friction and the last link's load.
+"""Parameters of a mechanism that its file may have wrong: gains, damping, friction and the last link's load.
 
-With the position q, velocity v and acceleration a of the joints under the controls u, MuJoCo's inverse dynamics give the
-torque that the model lacks, and what each parameter adds to it is linear,
+With the position q, velocity v and acceleration a of the joints under the controls u, MuJoCo's inverse dynamics give
+the torque that the model lacks, and what each parameter adds to it is linear,
 
     M a + c - passive - constraints - actuators  =  Phi(q, v, a, u) theta.
 
@@ -14,10 +14,10 @@ The columns of Phi (nv, p) are
     load         - (M a + c) of the last link       share of its mass and inertia
 
 Nothing follows for a joint that an actuator moves whose force is near the end of its range: it may be at the end for a
-part of the time over which a state is a mean. In a step of h the velocity is that at its end and
-the position that at its start (``implicit_step``): at the position that is given, v is later by h / 2, and u is held
-from there on. In contact, at limits and where chains are closed, both sides are
-projected onto the motions that these allow, along which their forces do no work.
+part of the time over which a state is a mean. In a step of h the velocity is that at its end and the position that at
+its start (``implicit_step``): at the position that is given, v is later by h / 2, and u is held from there on. In
+contact, at limits and where chains are closed, both sides are projected onto the motions that these allow, along which
+their forces do no work.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
@@ -101,6 +100,12 @@ class MechanismParameters:
         self.delay = 0.0 if mean_velocity else 0.5 * float(model.opt.timestep)
         """time [s] from a position to the velocity and the middle of the input that go with it in a step"""
 
+    def within(self, u: Array) -> Array:
+        """Controls (nu,) within their ranges."""
+        limited, (least, most) = self._model.actuator_ctrllimited != 0, self._model.actuator_ctrlrange.T
+        clipped: Array = np.where(limited, np.clip(u, least, most), u)
+        return clipped
+
     def lacking(self, q: Array, v: Array, a: Array, u: Array) -> LackingTorque:
         """Torque that the model lacks at q (nq,), v, a (nv,), with u (nu,) of ``delay`` later."""
         model, data = self._model, self._data
@@ -122,8 +127,8 @@ class MechanismParameters:
         return LackingTorque(T @ torque, T @ effect, clear)
 
     def _clear(self, moment: Array, torque: Array) -> Flags:
-        """True (nv,) for a joint that no actuator acts on whose force, by the ``torque`` (nv,) that moves the mechanism, is
-        near the end of its range.
+        """True (nv,) for a joint that no actuator acts on whose force, by the ``torque`` (nv,) that moves the mechanism,
+        is near the end of its range.
         """
         nominal = self._nominal
         force = moment @ torque / np.maximum(np.square(moment).sum(axis=1), _NOTHING)
@@ -136,9 +141,8 @@ class MechanismParameters:
 
     def _effect(self, moment: Array, at: tuple[Array, Array, Array, Array]) -> Array:
         model, data, (q, v, a, u) = self._model, self._data, at
-        ends = np.where(model.actuator_ctrllimited[:, np.newaxis], model.actuator_ctrlrange, (-np.inf, np.inf)).T
         bias = model.actuator_biasprm[:, :3] * self._biased[:, np.newaxis]
-        static = model.actuator_gainprm[:, 0] * np.clip(u, *ends) + bias[:, 0] + bias[:, 1] * data.actuator_length
+        static = model.actuator_gainprm[:, 0] * self.within(u) + bias[:, 0] + bias[:, 1] * data.actuator_length
         rate = bias[:, 2] * data.actuator_velocity
         return np.column_stack([
             (moment * static[:, np.newaxis])[self._gains].T,

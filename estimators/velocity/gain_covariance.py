@@ -67,8 +67,8 @@ class GainCovariance:
         _predict(self._P, h)
 
     def correct(self, L: Array, weights: tuple[Array, Array, Array], rate: Array, h: float) -> None:
-        """Take a reading of the innovation L (n,) by its weights alpha, beta and gamma (n,), h [s] after the one before,
-        at rates (n,) [rad/s, m/s].
+        """Take a reading of the innovation L (n,) by its weights alpha, beta and gamma (n,), h [s] after the one
+        before, at rates (n,) [rad/s, m/s].
         """
         if self._second:
             self._second = False
@@ -82,7 +82,8 @@ class GainCovariance:
     @property
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of positions and velocities."""
-        return np.sqrt(np.concatenate([self._P[:, 0, 0], self._P[:, 1, 1]]))
+        deviation: Array = np.sqrt(np.concatenate([self._P[:, 0, 0], self._P[:, 1, 1]]))
+        return deviation
 
 
 @njit(cache=True, nogil=True)

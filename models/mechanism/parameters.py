@@ -127,8 +127,8 @@ class MechanismParameters:
         return LackingTorque(T @ torque, T @ effect, clear)
 
     def _clear(self, moment: Array, torque: Array) -> Flags:
-        """True (nv,) for a joint that no actuator acts on whose force, by the ``torque`` (nv,) that moves the mechanism,
-        is near the end of its range.
+        """True (nv,) for a joint unless, by the ``torque`` (nv,) that moves the mechanism, an actuator acts on it whose
+        force is near the end of its range.
         """
         nominal = self._nominal
         force = moment @ torque / np.maximum(np.square(moment).sum(axis=1), _NOTHING)

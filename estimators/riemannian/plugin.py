@@ -229,7 +229,9 @@ class _Intrinsic:
         if not self._outlier_counter.admits(good):
             return False
         if found is not None and found.components is not None:
-            alpha, beta, gamma = (np.broadcast_to(each, len(found.components)).copy() for each in found.weights)
+            alpha, beta, gamma = (
+                each if isinstance(each, np.ndarray) else np.full(len(found.components), each) for each in found.weights
+            )
             self._errors.correct(found.components, (alpha, beta, gamma), self._manifold.components(before, rate), h)
             self.residual = Residual(found.components, self._errors.predicted, alpha)
             self._learn_model(y)

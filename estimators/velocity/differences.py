@@ -61,7 +61,7 @@ class Differences:
     @property
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of position and velocity: of the noise, and of what the filter lags by."""
-        variance = reading_variance(self._mission, self._y) if self._variance is None else self._variance
+        variance = self._assumed
         lag = self._manifold.components(self._y, self._w - self._lagging) if self._sos is not None else 0.0
         return np.concatenate([np.sqrt(variance), np.sqrt(self._amplified * variance + np.square(lag))])
 
@@ -72,10 +72,11 @@ class Differences:
         self._memory = np.zeros((2, _ORDER // 2, 2, self._manifold.vector_size))  # of the filter, and of it once more
         self._lagging = self._w
         self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
+        self._assumed = reading_variance(self._mission, y) if self._variance is None else self._variance
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""
-        self._variance = variance
+        self._variance = self._assumed = variance
         self._gate.learn(variance)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:

@@ -21,6 +21,7 @@ observer, 2 / alpha readings.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -43,8 +44,9 @@ class GainCovariance:
     """Covariances of n coordinates; it knows the errors of their readings."""
 
     def __init__(self, n: int) -> None:
-        self._P, self._second = np.zeros((n, 3, 3)), False
+        self._P, self._second, self._ahead = np.zeros((n, 3, 3)), False, 0.0  # [s] that passed since P
         self._noise, self._steps = np.zeros(n), np.zeros(n)
+        self._deviation = np.zeros(2 * n)
         self.predicted = np.zeros(n)
         """variances (n,) [rad^2, m^2] of the positions before the last reading"""
 
@@ -55,7 +57,8 @@ class GainCovariance:
         self.learn(variance, steps)
         self._P[:] = 0.0
         self._P[:, 0, 0], self._P[:, 1, 1] = variance, speed**2
-        self.predicted, self._second = variance.copy(), True
+        self.predicted, self._second, self._ahead = variance.copy(), True, 0.0
+        self._deviation = np.append(np.sqrt(variance), np.full(len(variance), speed))
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""
@@ -64,49 +67,69 @@ class GainCovariance:
 
     def predict(self, h: float) -> None:
         """Let h [s] pass."""
-        _predict(self._P, h)
+        self._ahead += h
 
     def correct(self, L: Array, weights: tuple[Array, Array, Array], rate: Array, h: float) -> None:
         """Take a reading of the innovation L (n,) by its weights alpha, beta and gamma (n,), h [s] after the one
         before, at rates (n,) [rad/s, m/s].
         """
-        if self._second:
-            self._second = False
-            noise = 2.0 * (self._noise + np.square(self._steps))
-            self._P[:, 1, 1] = np.minimum(self._P[:, 1, 1], (np.square(L) + noise) / h**2)
-            self._P[:, 0, 0] = np.minimum(self._P[:, 0, 0], np.square(L) + noise)
-            self._P[:, 0, 1] = self._P[:, 1, 0] = 0.0
-        self.predicted = self._P[:, 0, 0].copy()
-        _correct(self._P, *weights, self._noise, self._steps, rate, h)
+        alpha, beta, gamma = weights
+        self.predicted, self._deviation = update(
+            self._P, self._ahead, self._second, L, alpha, beta, gamma, self._noise, self._steps, rate, h
+        )
+        self._second, self._ahead = False, 0.0
 
     @property
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of positions and velocities."""
-        deviation: Array = np.sqrt(np.concatenate([self._P[:, 0, 0], self._P[:, 1, 1]]))
-        return deviation
+        if self._ahead:
+            predict(self._P, self._ahead)
+            self._ahead = 0.0
+            self._deviation = np.sqrt(np.concatenate([self._P[:, 0, 0], self._P[:, 1, 1]]))
+        return self._deviation
 
 
 @njit(cache=True, nogil=True)
-def _predict(P: Array, h: float) -> None:
+def predict(P: Array, h: float) -> None:
+    """Let h [s] pass: P (n, 3, 3) becomes F P F'."""
     for k in range(len(P)):
         p = P[k]
-        for row in (True, False):  # F P, then (F P) F'
-            for j in range(3):
-                if row:
-                    p[0, j] += h * p[1, j] + 0.5 * h * h * p[2, j]
-                    p[1, j] += h * p[2, j]
-                else:
-                    p[j, 0] += h * p[j, 1] + 0.5 * h * h * p[j, 2]
-                    p[j, 1] += h * p[j, 2]
+        for j in range(3):
+            p[0, j] += h * p[1, j] + 0.5 * h * h * p[2, j]
+            p[1, j] += h * p[2, j]
+        for i in range(3):
+            p[i, 0] += h * p[i, 1] + 0.5 * h * h * p[i, 2]
+            p[i, 1] += h * p[i, 2]
 
 
 @njit(cache=True, nogil=True)
-def _correct(
-    P: Array, alpha: Array, beta: Array, gamma: Array, noise: Array, steps: Array, rate: Array, h: float
-) -> None:
-    K = np.empty(3)
-    for k in range(len(P)):
+def update(
+    P: Array,
+    ahead: float,
+    second: bool,
+    L: Array,
+    alpha: Array,
+    beta: Array,
+    gamma: Array,
+    noise: Array,
+    steps: Array,
+    rate: Array,
+    h: float,
+) -> tuple[Array, Array]:
+    """Predict P (n, 3, 3) over ``ahead`` [s] and condition it on a reading, h [s] after the one before.
+
+    Returns the variances (n,) of the predicted positions, and the deviations (2 n,) after the reading.
+    """
+    n = len(P)
+    predicted, deviation, K = np.empty(n), np.empty(2 * n), np.empty(3)
+    predict(P, ahead)
+    for k in range(n):
         p = P[k]
+        if second:
+            most = L[k] * L[k] + 2.0 * (noise[k] + steps[k] * steps[k])
+            p[0, 0], p[1, 1] = min(p[0, 0], most), min(p[1, 1], most / (h * h))
+            p[0, 1] = p[1, 0] = 0.0
+        predicted[k] = p[0, 0]
         K[0], K[1], K[2] = alpha[k], beta[k], gamma[k]
         crossing = steps[k] / max(abs(rate[k]) * h, _STANDING)
         crossing = max(1.0, min(crossing, 2.0 / max(alpha[k], 1e-6)))
@@ -115,3 +138,5 @@ def _correct(
         for i in range(3):
             for j in range(3):
                 p[i, j] += K[i] * K[j] * (before[0] + R) - K[i] * before[j] - before[i] * K[j]
+        deviation[k], deviation[n + k] = math.sqrt(max(p[0, 0], 0.0)), math.sqrt(max(p[1, 1], 0.0))
+    return predicted, deviation

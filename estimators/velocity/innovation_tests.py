@@ -31,7 +31,7 @@ import math
 import numpy as np
 from scipy.special import chdtri
 
-from mathnavi.estimators.integrity.windows import CLIP, ENERGY, MEAN, Thresholds, Windows
+from mathnavi.estimators.integrity.windows import CLIP, ENERGY, MEAN, NOTHING, Thresholds, Windows, add, worst_of
 from mathnavi.estimators.velocity.gain_covariance import Residual
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers, Status
@@ -43,8 +43,8 @@ _KAPPA = 1.2  # variance of innovations over the declared one: gains are not opt
 _HELD = 1.0  # [s] for which an alarm lasts
 _EARLIEST, _READINGS = 0.25, 50  # [s] and readings after a start from which on there are tests
 _LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
-_SLOWER = np.array([4.0, 16.0])  # times the memory 1 / alpha of a law, of the two low-passes
-_BY_NOISE = np.array([3.0, 2.0])  # deviations of each that noise explains
+_SLOWER_FAST, _SLOWER_SLOW = 4.0, 16.0  # times the memory 1 / alpha of a law, of the two low-passes
+_BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise explains
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
 _NOTHING = 1e-3  # of the greatest speed, below which an error is none
 _VISIBLE, _LASTING = 0.01, 0.25  # of the greatest speed, of an error that matters, and [s] after it was seen
@@ -65,7 +65,6 @@ class InnovationTests:
         self._windows = Windows(self._thresholds, n, _KAPPA + CLIP**2 * mission.reading.jump)
         freedom = np.arange(1, int(self._thresholds.lengths[-1]) + 1)
         self._likely, self._unlikely = (np.append(math.inf, chdtri(freedom, level)) for level in (_LIKELY, _UNLIKELY))
-        self._every, self._nothing = np.ones(n, dtype=np.bool_), np.full(n, np.nan)
         settles = settling if math.isfinite(settling) else 0.0
         self._grace = max(settles, _EARLIEST, _READINGS * mission.period)
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
@@ -92,29 +91,22 @@ class InnovationTests:
         ``noise`` are the variances (n,) of the coordinates of a reading, and the steps (n,) to which they are rounded;
         ``rate`` (n,) are the estimated velocities at the reading.
         """
-        R, steps = noise
-        L, P, gain = residual
-        least = _NOTHING * self._speed
-        _weigh(L, P, gain, R, steps, least, h, _SLOWER, self._e, self._z, self._variance)
-        known = np.abs(self._z) - _BY_NOISE[:, np.newaxis] * np.sqrt(self._variance)
-        self.shown = np.maximum(known, 0.0).max(axis=0)
-        self._speed = max(self._speed * math.exp(-h / _SPEED_MEMORY), float(np.abs(rate + self._z[0]).max()))
-        if float(self.shown.max()) > _VISIBLE * self._speed:
+        windows, known, tested = self._windows, self._thresholds, t >= self._begin - TIME_TOLERANCE
+        self._speed, most, self.ratio, test, channel = note(
+            residual.value, residual.variance, residual.gain, *noise, rate, h, self._speed, tested,
+            self._e, self._z, self._variance, self.shown, self.factor,
+            windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, self._likely, self._unlikely,
+        )  # fmt: skip
+        if most > _VISIBLE * self._speed:
             self._seen = t
-        if t < self._begin - TIME_TOLERANCE:
+        if not tested:
             return
-        windows = self._windows
-        windows.add(self._e, self._nothing)
-        worst = windows.worst(self._every)
-        self.ratio = worst.ratio
-        r = np.ones(len(R))
-        _excess(windows.sums, windows.k, self._thresholds.lengths, windows.kappa, self._likely, self._unlikely, r)
-        self.factor = np.minimum((r * (P + R) - R) / np.maximum(P, 1e-30), _LARGEST)
-        if worst.ratio > 1.0:
+        windows.k += 1
+        if self.ratio > 1.0:
             self._alarmed = t
-            word = _WORDS.get(worst.test, "sum")
-            self.message = f"disagrees with its readings: the {word} of the innovations of {self._names[worst.channel]}"
-        if t - self._alarmed < _HELD and float(self.shown.max()) > _SHARE * self._speed:
+            word = _WORDS.get(test, "sum")
+            self.message = f"disagrees with its readings: the {word} of the innovations of {self._names[channel]}"
+        if t - self._alarmed < _HELD and most > _SHARE * self._speed:
             self._lost = t
 
     def status(self, t: float) -> Status:
@@ -132,21 +124,16 @@ class InnovationTests:
 
     def deviation(self, known: Array) -> Array:
         """Standard deviations (2 n,) of positions and velocities, where those of a law are ``known`` (2 n,)."""
-        position, velocity = np.split(known * np.sqrt(np.concatenate([self.factor, self.factor])), 2)
-        return np.concatenate([position, np.sqrt(np.square(velocity) + self._unknown())])
-
-    def _unknown(self) -> Array:
-        """Variances (n,) of the velocities that no gain knows."""
-        unknown: Array = np.square(self.shown) + (_NOTHING * self._speed / 3.0) ** 2
-        return unknown
+        declared: Array = declare(known, self.factor, self.shown, _NOTHING * self._speed / 3.0)
+        return declared
 
     def covariance(self, known: Array) -> Array:
         """Covariance (N, N) of a state, where that of a law is ``known`` (N, N)."""
-        n = len(self.factor)
-        if len(known) != 2 * n:  # coordinates are not components
-            return known * float(self.factor.max())
-        if not self.shown.any() and (self.factor == 1.0).all():
+        n, most = len(self.factor), float(self.factor.max())
+        if most == 1.0 and not self.shown.any():
             return known
+        if len(known) != 2 * n:  # coordinates are not components
+            return known * most
         scale = np.sqrt(np.concatenate([self.factor, self.factor]))
         larger: Array = known * np.outer(scale, scale)
         larger[range(n, 2 * n), range(n, 2 * n)] += np.square(self.shown)
@@ -154,44 +141,75 @@ class InnovationTests:
 
 
 @njit(cache=True, nogil=True)
-def _weigh(
+def declare(known: Array, factor: Array, shown: Array, unknown: float) -> Array:
+    """Deviations (2 n,) of variances that are larger by factors (n,), with errors ``shown`` (n,) and ``unknown``."""
+    n, declared = len(factor), np.empty(len(known))
+    for i in range(n):
+        declared[i] = known[i] * math.sqrt(factor[i])
+        declared[n + i] = math.sqrt(known[n + i] ** 2 * factor[i] + shown[i] ** 2 + unknown * unknown)
+    return declared
+
+
+@njit(cache=True, nogil=True)
+def note(
     L: Array,
     P: Array,
     gain: Array,
     R: Array,
     steps: Array,
-    least: float,
+    rate: Array,
     h: float,
-    slower: Array,
+    speed: float,
+    tested: bool,
     e: Array,
     z: Array,
     variance: Array,
-) -> None:
-    """Normalise innovations L (n,) to e (n,), and update the means z (2, n) of gain L / h with their ``variance``.
+    shown: Array,
+    factor: Array,
+    sums: Array,
+    k: int,
+    lengths: Integers,
+    kappa: float,
+    z_limit: float,
+    energy: Array,
+    likely: Array,
+    unlikely: Array,
+) -> tuple[float, float, float, int, int]:
+    """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    ``least`` [rad/s, m/s] is an error of the velocity that counts as none.
+    Returns the greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """
-    for i in range(len(L)):
+    n, least = len(L), _NOTHING * speed
+    speed *= math.exp(-h / _SPEED_MEMORY)
+    most = 0.0
+    for i in range(n):
         S = P[i] + R[i]
         beyond = max(abs(L[i]) - steps[i] - least * h / max(gain[i], 1e-6), 0.0)
         e[i] = math.copysign(beyond / math.sqrt(S), L[i]) if S > 0.0 else 0.0
-        for k in range(len(slower)):
-            kept = math.exp(-gain[i] / slower[k])
-            z[k, i] = kept * z[k, i] + (1.0 - kept) * gain[i] * L[i] / h
-            variance[k, i] = kept**2 * variance[k, i] + ((1.0 - kept) * gain[i] / h) ** 2 * S
-
-
-@njit(cache=True, nogil=True)
-def _excess(sums: Array, k: int, lengths: Integers, kappa: float, likely: Array, unlikely: Array, r: Array) -> None:
-    """Write by how much the innovations of each channel are larger than declared, at least, to r (l,)."""
-    size, l = len(sums), len(r)  # noqa: E741
-    now = sums[k % size]
-    for i in range(l):
-        found, beyond = 1.0, False
-        for n in lengths:
-            then = sums[(k - min(n, k)) % size]
-            count = int(now[2 * l + i] - then[2 * l + i] + 0.5)
-            squares = (now[l + i] - then[l + i]) / kappa
+        shown[i] = 0.0
+        for j in range(2):
+            kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
+            z[j, i] = kept * z[j, i] + (1.0 - kept) * gain[i] * L[i] / h
+            variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * S
+            by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])
+            shown[i] = max(shown[i], abs(z[j, i]) - by_noise)
+        most, speed = max(most, shown[i]), max(speed, abs(rate[i] + z[0, i]))
+        factor[i] = 1.0
+    if not tested:
+        return speed, most, 0.0, NOTHING, -1
+    add(sums, k, e, np.full(n, np.nan))
+    ratio, test, channel = worst_of(sums, k + 1, np.ones(n, dtype=np.bool_), lengths, kappa, z_limit, energy)
+    size = len(sums)
+    now = sums[(k + 1) % size]
+    for i in range(n):
+        found, beyond_chance = 1.0, False
+        for length in lengths:
+            then = sums[(k + 1 - min(length, k + 1)) % size]
+            count = int(now[2 * n + i] - then[2 * n + i] + 0.5)
+            squares = (now[n + i] - then[n + i]) / kappa
             if count > 0:
-                found, beyond = max(found, squares / likely[count]), beyond or squares > unlikely[count]
-        r[i] = found if beyond else 1.0
+                found = max(found, squares / likely[count])
+                beyond_chance = beyond_chance or squares > unlikely[count]
+        if beyond_chance and found > 1.0:
+            factor[i] = min((found * (P[i] + R[i]) - R[i]) / max(P[i], 1e-30), _LARGEST)
+    return speed, most, ratio, test, channel

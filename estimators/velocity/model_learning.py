@@ -78,7 +78,7 @@ class ModelLearning:
                 past.clear()
                 self._waiting.clear()
             self._set_step(h)
-        past.append((t, y, self.parameters.within(u)))
+        past.append((t, y, u))
         self._since += 1
         if self._kernel is None or len(past) < len(self._kernel[0]):
             return None
@@ -117,7 +117,9 @@ class ModelLearning:
         Y, U = np.array([each for _, each, _ in self._past]), np.array([each for _, _, each in self._past])
         middle = Y[len(Y) // 2]
         moved = Y - middle
-        self._waiting.append(self.parameters.lacking(middle + w @ moved, dw @ moved, ddw @ moved, wu @ U))
+        self._waiting.append(
+            self.parameters.lacking(middle + w @ moved, dw @ moved, ddw @ moved, wu @ self.parameters.within(U))
+        )
         if len(self._waiting) < _OFTEN + 1:
             return None
         tau, Phi, _ = self._waiting[_OFTEN // 2]

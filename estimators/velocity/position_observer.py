@@ -61,6 +61,7 @@ class GatedLaw(ABC):
         self._closure = closure(mission.system)
         self._errors = GainCovariance(self._manifold.dimension)
         self.residual: Residual | None = None
+        self._gains: tuple[float, tuple[float, float, float], tuple[Array, Array, Array]] | None = None
         self.settling = TIME_CONSTANTS / bandwidth
 
     @property
@@ -109,10 +110,12 @@ class GatedLaw(ABC):
             self.start(y)
             return True
         L = L if self._closure is None else self._closure.tangent(x, L)
-        weights = self._weights(h)
+        if self._gains is None or self._gains[0] != h:
+            weights = self._weights(h)
+            alpha, beta, gamma = (np.full(manifold.dimension, each) for each in weights)
+            self._gains = h, weights, (alpha, beta, gamma)
+        _, weights, gains = self._gains
         self._state = self._corrected(x, v, L, weights)
-        every = np.ones(len(L))
-        gains = (weights[0] * every, weights[1] * every, weights[2] * every)
         self._errors.correct(L, gains, manifold.components(x, v), h)
         self.residual = Residual(L, self._errors.predicted, gains[0])
         self._y = y

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array
 
 _STANDING = 1e-12  # [rad, m] of a motion between two readings that is none
@@ -82,14 +82,15 @@ class GainCovariance:
     @property
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of positions and velocities."""
-        if self._ahead:
-            predict(self._P, self._ahead)
-            self._ahead = 0.0
-            self._deviation = np.sqrt(np.concatenate([self._P[:, 0, 0], self._P[:, 1, 1]]))
-        return self._deviation
+        if not self._ahead:
+            return self._deviation
+        F = np.array([[1.0, self._ahead, 0.5 * self._ahead**2], [0.0, 1.0, self._ahead]])
+        variances = np.einsum("ij,kjl,il->ik", F, self._P, F)
+        deviation: Array = np.sqrt(variances.ravel())
+        return deviation
 
 
-@njit(cache=True, nogil=True)
+@inner_njit()
 def predict(P: Array, h: float) -> None:
     """Let h [s] pass: P (n, 3, 3) becomes F P F'."""
     for k in range(len(P)):

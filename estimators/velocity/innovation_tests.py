@@ -15,7 +15,7 @@ the true one: so
 
     v - v^  =  mean of alpha L / h,
 
-whatever the model. Its low-pass z over four and over sixteen readings' worth 1 / alpha of memory, less what noise makes
+whatever the model. Its low-pass z over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes
 of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than
 s / 2, the estimate says nothing of the velocity, and is LOST.
 
@@ -43,7 +43,7 @@ _KAPPA = 1.2  # variance of innovations over the declared one: gains are not opt
 _HELD = 1.0  # [s] for which an alarm lasts
 _EARLIEST, _READINGS = 0.25, 50  # [s] and readings after a start from which on there are tests
 _LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
-_SLOWER_FAST, _SLOWER_SLOW = 4.0, 16.0  # times the memory 1 / alpha of a law, of the two low-passes
+_SLOWER_FAST, _SLOWER_SLOW = 1.0, 16.0  # times the memory 1 / alpha of a law, of the two low-passes
 _BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise explains
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
 _NOTHING = 1e-3  # of the greatest speed, below which an error is none
@@ -190,7 +190,8 @@ def note(
         for j in range(2):
             kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
             z[j, i] = kept * z[j, i] + (1.0 - kept) * gain[i] * L[i] / h
-            variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * S
+            by_reading = R[i] + min(P[i], R[i])  # not by an unknown start: that is an error, and shown as one
+            variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
             by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])
             shown[i] = max(shown[i], abs(z[j, i]) - by_noise)
         most, speed = max(most, shown[i]), max(speed, abs(rate[i] + z[0, i]))

@@ -48,6 +48,7 @@ _BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise expla
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
 _NOTHING = 1e-3  # of the greatest speed, below which an error is none
 _VISIBLE, _LASTING = 0.01, 0.25  # of the greatest speed, of an error that matters, and [s] after it was seen
+_ROUNDING = 1e-18  # [rad^2, m^2] of the numbers: a system at rest that is read exactly has no other error
 _LARGEST = 1e6  # of a factor of variances
 _WORDS = {MEAN: "mean", ENERGY: "spread"}
 
@@ -183,9 +184,9 @@ def note(
     speed *= math.exp(-h / _SPEED_MEMORY)
     most = 0.0
     for i in range(n):
-        S = P[i] + R[i]
+        S = P[i] + R[i] + _ROUNDING
         beyond = max(abs(L[i]) - steps[i] - least * h / max(gain[i], 1e-6), 0.0)
-        e[i] = math.copysign(beyond / math.sqrt(S), L[i]) if S > 0.0 else 0.0
+        e[i] = math.copysign(beyond / math.sqrt(S), L[i])
         shown[i] = 0.0
         for j in range(2):
             kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))

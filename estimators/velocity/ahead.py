@@ -22,6 +22,7 @@ KERNELS: tuple[Signature, ...] = (
             *(ONE,) * 6,
             _NUMBER,
             _NUMBER,
+            _NUMBER,
             _FLAG,
             ONE,
             TWO,

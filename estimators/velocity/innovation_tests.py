@@ -7,8 +7,9 @@ share alpha of L by which it moves its position. With R, the variance of a readi
 
 is tested over windows of 0.02 to 1 s, by its mean and its spread (``mathnavi.estimators.integrity.windows``). Rounding
 explains half a step of the reading, and half of the prediction that has followed it; an error of the velocity below a
-thousandth of s, the greatest speed of the last second, counts as none. An alarm is DEGRADED for a second. Tests begin
-when a law has had the time to settle.
+thousandth of s, the greatest speed of the last second, counts as none. At rest s is 0.1 rad/s and m/s, or a hundredth of
+``speed_max`` if that is less: an error is not compared with a motion that has ended. An alarm is DEGRADED for a second.
+Tests begin when a law has had the time to settle.
 
 **The error that the readings show.** A position is moved by v^ h between readings and by alpha L at them, and follows
 the true one: so
@@ -47,6 +48,7 @@ _SLOWER_FAST, _SLOWER_SLOW = 1.0, 16.0  # times the memory 1 / alpha of a law, o
 _BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise explains
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
 _NOTHING = 1e-3  # of the greatest speed, below which an error is none
+_RESTING, _SLOWEST = 0.01, 0.1  # of speed_max, and [rad/s, m/s]: the greatest speed of a system at rest, at most
 _VISIBLE, _LASTING = 0.01, 0.25  # of the greatest speed, of an error that matters, and [s] after it was seen
 _ROUNDING = 1e-18  # [rad^2, m^2] of the numbers: a system at rest that is read exactly has no other error
 _LARGEST = 1e6  # of a factor of variances
@@ -69,7 +71,8 @@ class InnovationTests:
         settles = settling if math.isfinite(settling) else 0.0
         self._grace = max(settles, _EARLIEST, _READINGS * mission.period)
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
-        self._e, self._speed = np.zeros(n), 0.0
+        self._resting = min(_RESTING * mission.speed_max, _SLOWEST)
+        self._e, self._speed = np.zeros(n), self._resting
         self._begin, self._alarmed, self._lost, self._seen = math.inf, -math.inf, -math.inf, -math.inf  # [s]
         self.ratio = 0.0
         """the worst statistic over its threshold"""
@@ -94,7 +97,7 @@ class InnovationTests:
         """
         windows, known, tested = self._windows, self._thresholds, t >= self._begin - TIME_TOLERANCE
         self._speed, most, self.ratio, test, channel = note(
-            residual.value, residual.variance, residual.gain, *noise, rate, h, self._speed, tested,
+            residual.value, residual.variance, residual.gain, *noise, rate, h, self._speed, self._resting, tested,
             self._e, self._z, self._variance, self.shown, self.factor,
             windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, self._likely, self._unlikely,
         )  # fmt: skip
@@ -161,6 +164,7 @@ def note(
     rate: Array,
     h: float,
     speed: float,
+    resting: float,
     tested: bool,
     e: Array,
     z: Array,
@@ -178,10 +182,10 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    Returns the greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
+    ``speed`` is the greatest speed so far and ``resting`` that of a system at rest. Returns the greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """
     n, least = len(L), _NOTHING * speed
-    speed *= math.exp(-h / _SPEED_MEMORY)
+    speed = max(speed * math.exp(-h / _SPEED_MEMORY), resting)
     most = 0.0
     for i in range(n):
         S = P[i] + R[i] + _ROUNDING

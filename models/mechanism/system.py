@@ -110,8 +110,10 @@ class MechanismSystem:
         return self._step(x, v, u, h, delta)
 
     def parameters(self) -> MechanismParameters | None:
-        """Parameters that the file may have wrong; None of a system that has ball joints or a free base, is not stepped
-        by its own steps, or is not modelled whole.
+        """Parameters that the file may have wrong; None where they cannot be learned.
+
+        That is so with ball joints or a free base, and where the system is not stepped by its own steps or not modelled
+        whole.
         """
         if not self.implicit or self.manifold.quaternions or self.unmodelled:
             return None

@@ -10,9 +10,10 @@ import pytest
 from mathnavi.estimators.velocity.gain_covariance import GainCovariance, Residual
 from mathnavi.estimators.velocity.innovation_tests import InnovationTests
 from mathnavi.estimators.velocity.poles import pole_weights, triple_pole_weights
-from mathnavi.interfaces.signals import Status
+from mathnavi.interfaces.signals import Estimate, Measurement, Status
+from mathnavi.models.manifold.system import LagrangianSystem
 from tests.estimators.velocity.faulty_arms import observed
-from tests.estimators.velocity.runs import mission_of, moving
+from tests.estimators.velocity.runs import PLUGINS, mission_of, moving
 
 METHODS = ("riemannian_observer", "high_gain", "momentum_observer", "lagrangian_ekf")
 
@@ -40,6 +41,28 @@ def test_what_is_as_declared_is_no_alarm_and_as_good_as_declared(arm: str, metho
     assert watched.ok[settled].all()
     assert not watched.sure_and_wrong
     assert float(np.sqrt(np.mean(np.square(watched.error[settled] / watched.deviation[settled])))) < 1.5
+
+
+def at_rest(system: LagrangianSystem, y: np.ndarray, method: str, u: np.ndarray) -> list[Estimate]:
+    """Estimates of an observer that reads y exactly, for 3 s."""
+    estimator = PLUGINS[method].build(PLUGINS[method].Config(), mission_of(system))
+    times = 0.01 * np.arange(300)
+    return [estimator.update(t, (Measurement("position", t, y),), u) for t in times]
+
+
+@pytest.mark.parametrize("method", ["high_gain", "lagrangian_ekf", "riemannian_observer"])
+def test_a_system_at_rest_is_no_alarm_and_an_unexplained_force_no_reason_to_be_sure(method: str) -> None:
+    """Rounding is all that exact readings differ by, and there is no motion to compare an error with."""
+    system, start = moving("hyperbolic", 0.0)
+    y, nothing = start[:3], np.zeros(3)
+    held = at_rest(system, y, method, -system.force(y, nothing, nothing))
+    assert all(each.status is Status.OK for each in held[100:])
+    moved = at_rest(system, y, method, nothing)  # the model says that the system falls
+    assert all(not each.status.usable or each.status is Status.DEGRADED for each in moved[150:])
+    error = [np.abs(system.manifold.components(y, each.x[3:])) for each in moved[150:]]
+    assert all((e < 3.0 * each.extra["deviation"][2:] + 1e-6).all() for e, each in zip(error, moved[150:], strict=True))
+    slightly = max(float(np.linalg.norm(each)) for each in error) < 0.05  # as the Kalman filter is
+    assert moved[-1].status is (Status.DEGRADED if slightly else Status.LOST)
 
 
 def test_the_declared_deviation_is_that_of_the_gains() -> None:

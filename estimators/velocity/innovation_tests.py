@@ -7,9 +7,9 @@ share alpha of L by which it moves its position. With R, the variance of a readi
 
 is tested over windows of 0.02 to 1 s, by its mean and its spread (``mathnavi.estimators.integrity.windows``). Rounding
 explains half a step of the reading, and half of the prediction that has followed it; an error of the velocity below a
-thousandth of s, the greatest speed of the last second, counts as none. At rest s is 0.1 rad/s and m/s, or a hundredth of
-``speed_max`` if that is less: an error is not compared with a motion that has ended. An alarm is DEGRADED for a second.
-Tests begin when a law has had the time to settle.
+thousandth of s, the greatest speed of the last second, counts as none. At rest s is 0.1 rad/s and m/s, or a hundredth
+of ``speed_max`` if that is less: an error is not compared with a motion that has ended. An alarm is DEGRADED for a
+second. Tests begin when a law has had the time to settle.
 
 **The error that the readings show.** A position is moved by v^ h between readings and by alpha L at them, and follows
 the true one: so
@@ -182,7 +182,8 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    ``speed`` is the greatest speed so far and ``resting`` that of a system at rest. Returns the greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
+    ``speed`` is the greatest speed so far and ``resting`` that of a system at rest. Returns the greatest speed and the
+    largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """
     n, least = len(L), _NOTHING * speed
     speed = max(speed * math.exp(-h / _SPEED_MEMORY), resting)

@@ -44,9 +44,9 @@ def test_what_is_as_declared_is_no_alarm_and_as_good_as_declared(arm: str, metho
 
 
 def at_rest(system: LagrangianSystem, y: np.ndarray, method: str, u: np.ndarray) -> list[Estimate]:
-    """Estimates of an observer that reads y exactly, for 3 s."""
+    """Estimates of an observer that reads y exactly, for 2 s."""
     estimator = PLUGINS[method].build(PLUGINS[method].Config(), mission_of(system))
-    times = 0.01 * np.arange(300)
+    times = 0.01 * np.arange(200)
     return [estimator.update(t, (Measurement("position", t, y),), u) for t in times]
 
 

@@ -40,9 +40,10 @@ class Differences:
         self._mission, self._manifold = mission, mission.system.manifold
         self._timeout = timeout
         self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
-        self._sos = butter(_ORDER, cutoff, output="sos", fs=1.0 / mission.period) if cutoff else None
+        sos = butter(_ORDER, cutoff, output="sos", fs=1.0 / mission.period) if cutoff else None
+        self._section: list[float] | None = None if sos is None else sos[0].tolist()
         response = np.array([1.0, -1.0, *np.zeros(_RESPONSE)]) / mission.period
-        response = response if self._sos is None else sosfilt(self._sos, response)
+        response = response if sos is None else sosfilt(sos, response)
         self._amplified = float(response @ response)  # [1/s^2]
         self.residual: Residual | None = None
 
@@ -62,14 +63,14 @@ class Differences:
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of position and velocity: of the noise, and of what the filter lags by."""
         variance = self._assumed
-        lag = self._manifold.components(self._y, self._w - self._lagging) if self._sos is not None else 0.0
+        lag = self._manifold.components(self._y, self._w - self._lagging) if self._section is not None else 0.0
         return np.concatenate([np.sqrt(variance), np.sqrt(self._amplified * variance + np.square(lag))])
 
     def start(self, y: Array) -> None:
         """Start at the point y (size,) with v = 0."""
         self._y, self._age = y, 0.0  # [s] since the newest reading
         self._w = np.zeros(self._manifold.vector_size)
-        self._memory = np.zeros((2, _ORDER // 2, 2, self._manifold.vector_size))  # of the filter, and of it once more
+        self._memory = np.zeros((2, 2, self._manifold.vector_size))  # of the filter, and of it once more
         self._lagging = self._w
         self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
         self._assumed = reading_variance(self._mission, y) if self._variance is None else self._variance
@@ -98,10 +99,22 @@ class Differences:
 
     def _filtered(self, w: Array, periods: int) -> Array:
         """Output of the filter after ``periods`` periods with the difference w (vector_size,)."""
-        if self._sos is None:
+        if self._section is None:
             return w
-        once, self._memory[0] = sosfilt(self._sos, np.tile(w, (periods, 1)), axis=0, zi=self._memory[0])
-        twice, self._memory[1] = sosfilt(self._sos, once, axis=0, zi=self._memory[1])
-        last: Array = once[-1]
-        self._lagging = twice[-1]
-        return last
+        once = w
+        for _ in range(periods):
+            once = _section(self._section, self._memory[0], w)
+            self._lagging = _section(self._section, self._memory[1], once)
+        return once
+
+
+def _section(coefficients: list[float], z: Array, w: Array) -> Array:
+    """Output (n,) of a section of second order for an input w (n,); it updates its memory z (2, n).
+
+    It is ``sosfilt`` of one sample, number for number, without what that takes to begin.
+    """
+    b0, b1, b2, _, a1, a2 = coefficients
+    out: Array = b0 * w + z[0]
+    z[0] = b1 * w - a1 * out + z[1]
+    z[1] = b2 * w - a2 * out
+    return out

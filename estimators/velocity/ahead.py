@@ -24,6 +24,7 @@ KERNELS: tuple[Signature, ...] = (
             _NUMBER,
             _NUMBER,
             _FLAG,
+            _FLAG,
             ONE,
             TWO,
             TWO,

@@ -207,8 +207,9 @@ class ErrorStateFilter:
         solved = np.linalg.solve(P[:n, :n] + R, np.column_stack([P[:n], L]))  # S^-1 (H P, L)
         gain = solved[:, :-1].T
         self._nis = float(L @ solved[:, -1])
-        self.residual = Residual(L, P.diagonal()[:n].copy(), gain.diagonal().copy())
-        if not self._outlier_counter.admits(self._nis <= self._limit):
+        used = self._outlier_counter.admits(self._nis <= self._limit)
+        self.residual = Residual(L, P.diagonal()[:n].copy(), gain.diagonal().copy(), used)
+        if not used:
             return False
         kept = np.eye(2 * n)
         kept[:, :n] -= gain

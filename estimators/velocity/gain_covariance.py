@@ -38,6 +38,7 @@ class Residual(NamedTuple):
     value: Array  # (n,) [rad, m] coordinates of the reading about the prediction
     variance: Array  # (n,) [rad^2, m^2] of the prediction
     gain: Array  # (n,) share of the residual by which the position is moved
+    used: bool = True  # whether it was; a reading that is refused moves nothing, and is tested
 
 
 class GainCovariance:

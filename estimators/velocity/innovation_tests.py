@@ -97,7 +97,8 @@ class InnovationTests:
         """
         windows, known, tested = self._windows, self._thresholds, t >= self._begin - TIME_TOLERANCE
         self._speed, most, self.ratio, test, channel = note(
-            residual.value, residual.variance, residual.gain, *noise, rate, h, self._speed, self._resting, tested,
+            residual.value, residual.variance, residual.gain, *noise, rate, h, self._speed, self._resting,
+            residual.used, tested,
             self._e, self._z, self._variance, self.shown, self.factor,
             windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, self._likely, self._unlikely,
         )  # fmt: skip
@@ -165,6 +166,7 @@ def note(
     h: float,
     speed: float,
     resting: float,
+    used: bool,
     tested: bool,
     e: Array,
     z: Array,
@@ -182,8 +184,9 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    ``speed`` is the greatest speed so far and ``resting`` that of a system at rest. Returns the greatest speed and the
-    largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
+    ``speed`` is the greatest speed so far and ``resting`` that of a system at rest; a reading that was not ``used`` has
+    moved nothing. Returns the greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its
+    test and channel.
     """
     n, least = len(L), _NOTHING * speed
     speed = max(speed * math.exp(-h / _SPEED_MEMORY), resting)
@@ -194,10 +197,11 @@ def note(
         e[i] = math.copysign(beyond / math.sqrt(S), L[i])
         shown[i] = 0.0
         for j in range(2):
-            kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
-            z[j, i] = kept * z[j, i] + (1.0 - kept) * gain[i] * L[i] / h
-            by_reading = R[i] + min(P[i], R[i])  # not by an unknown start: that is an error, and shown as one
-            variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
+            if used:
+                kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
+                z[j, i] = kept * z[j, i] + (1.0 - kept) * gain[i] * L[i] / h
+                by_reading = R[i] + min(P[i], R[i])  # not by an unknown start: that is an error, and shown as one
+                variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
             by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])
             shown[i] = max(shown[i], abs(z[j, i]) - by_noise)
         most, speed = max(most, shown[i]), max(speed, abs(rate[i] + z[0, i]))

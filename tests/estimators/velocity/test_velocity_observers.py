@@ -91,6 +91,8 @@ def test_outliers_are_refused_and_counted(name: str) -> None:
         for each in (found, undisturbed)
     )
     assert worst < 1.5 * expected
+    declared, usual = (np.mean([e.extra["deviation"][3:] for e in each[200:]]) for each in (found, undisturbed))
+    assert declared < 1.2 * usual  # what was refused is no error
 
 
 @pytest.mark.parametrize("name", sorted(PLUGINS))

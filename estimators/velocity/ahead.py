@@ -20,6 +20,7 @@ KERNELS: tuple[Signature, ...] = (
         note,
         (
             *(ONE,) * 6,
+            _COUNTS,
             _NUMBER,
             _NUMBER,
             _NUMBER,

@@ -36,6 +36,7 @@ from mathnavi.estimators.integrity.windows import CLIP, ENERGY, MEAN, NOTHING, T
 from mathnavi.estimators.velocity.gain_covariance import Residual
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers, Status
+from mathnavi.models.manifold.manifold import rate_starts
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -73,6 +74,7 @@ class InnovationTests:
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
         self._resting = min(_RESTING * mission.speed_max, _SLOWEST)
         self._e, self._speed = np.zeros(n), self._resting
+        self._starts = rate_starts(mission.system.manifold).astype(np.int64)
         self._begin, self._alarmed, self._lost, self._seen = math.inf, -math.inf, -math.inf, -math.inf  # [s]
         self.ratio = 0.0
         """the worst statistic over its threshold"""
@@ -97,8 +99,8 @@ class InnovationTests:
         """
         windows, known, tested = self._windows, self._thresholds, t >= self._begin - TIME_TOLERANCE
         self._speed, most, self.ratio, test, channel = note(
-            residual.value, residual.variance, residual.gain, *noise, rate, h, self._speed, self._resting,
-            residual.used, tested,
+            residual.value, residual.variance, residual.gain, *noise, rate, self._starts, h, self._speed,
+            self._resting, residual.used, tested,
             self._e, self._z, self._variance, self.shown, self.factor,
             windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, self._likely, self._unlikely,
         )  # fmt: skip
@@ -163,6 +165,7 @@ def note(
     R: Array,
     steps: Array,
     rate: Array,
+    starts: Integers,
     h: float,
     speed: float,
     resting: float,
@@ -184,7 +187,7 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    ``speed`` is the greatest speed so far and ``resting`` that of a system at rest; a reading that was not ``used`` has
+    ``rate`` (n,) are velocities, of which those of joint j begin at ``starts[j]``; ``speed`` is the greatest so far and ``resting`` that of a system at rest; a reading that was not ``used`` has
     moved nothing. Returns the greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its
     test and channel.
     """
@@ -204,8 +207,13 @@ def note(
                 variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
             by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])
             shown[i] = max(shown[i], abs(z[j, i]) - by_noise)
-        most, speed = max(most, shown[i]), max(speed, abs(rate[i] + z[0, i]))
+        most = max(most, shown[i])
         factor[i] = 1.0
+    for joint in range(len(starts)):
+        end, square = starts[joint + 1] if joint + 1 < len(starts) else n, 0.0
+        for i in range(starts[joint], end):
+            square += (rate[i] + z[0, i]) ** 2
+        speed = max(speed, math.sqrt(square))
     if not tested:
         return speed, most, 0.0, NOTHING, -1
     add(sums, k, e, np.full(n, np.nan))

@@ -338,6 +338,7 @@ class PositionObserver:
         elif used:
             if self._refused_in_a_row >= LASTING:  # they were none: the law was wrong
                 self._timeout_monitor.restart(t)
+                self._tests.begin(t)
             self._refused_in_a_row = 0
         return False
 

@@ -249,6 +249,8 @@ class PositionObserver:
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
         if covariance is not None:
             covariance = self._tests.covariance(covariance)
+        if not message and self._tests.message:  # of which noise is the cause, if there is more than declared
+            message = self.reading_errors.doubt or self._tests.message
         integrity = {"deviation": self._deviation(), "integrity": np.array([self._tests.ratio])}
         estimate = self.reading_errors.doubted(
             Estimate(
@@ -257,7 +259,7 @@ class PositionObserver:
                 covariance,
                 status,
                 {**extra, **integrity, **counts, **self.counts.extra},
-                message or self._tests.message or self._law.doubt,
+                message or self._law.doubt,
             )
         )
         found = possible_or_lost(self._mission, estimate)

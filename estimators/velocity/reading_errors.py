@@ -116,6 +116,13 @@ class ReadingErrors:
         """True if the readings are noisier than declared."""
         return self._windows is not None and self._windows.worst(self._used).ratio > 1.0
 
+    @property
+    def doubt(self) -> str:
+        """What is wrong with the errors that are assumed; "" if they are as declared, or found."""
+        if not self.known:
+            return "does not know its readings' noise yet"
+        return "has readings that are noisier than declared" if self.contradicted else ""
+
     def ignore(self, coordinates: slice) -> None:
         """Do not test these coordinates, which no encoder reads."""
         self._used[coordinates] = False
@@ -124,12 +131,8 @@ class ReadingErrors:
         """Return an estimate as it is, or DEGRADED if it is OK while the errors of its readings are not as declared,
         or not known.
         """
-        if estimate.status is not Status.OK or (self.known and not self.contradicted):
-            return estimate
-        message = (
-            "has readings that are noisier than declared" if self.known else "does not know its readings' noise yet"
-        )
-        return replace(estimate, status=Status.DEGRADED, message=message)
+        doubt = self.doubt if estimate.status is Status.OK else ""
+        return replace(estimate, status=Status.DEGRADED, message=doubt) if doubt else estimate
 
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
         """Take a reading y (size,) of t [s] and the position (size,) that was predicted for it, if it was.

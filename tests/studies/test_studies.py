@@ -107,7 +107,10 @@ SMALLER: dict[str, dict[str, Any]] = {
         **{f"introduction.{module}.CURVES": SMALL_CURVES for module in ("cost_measurement", "scaling")},
     },
     "mechanisms": {"riemannian.mechanisms.BEGIN": 0.05},
-    "real-arms": {"riemannian.real_arms.BEGIN": 0.05, "riemannian.faulty_arms.SETTLED": 0.05},
+    "real-arms": {
+        **{"riemannian.real_arms.BEGIN": 0.05, "riemannian.faulty_arms.SETTLED": 0.05},
+        "riemannian.faulty_arms.SMALL": 0,
+    },
 }
 """constants of studies that no field makes smaller, by their places"""
 

@@ -199,8 +199,8 @@ class _Intrinsic:
         self._observer = SampledIntrinsicObserver(
             mission.system, self._gains, y, disturbed=disturbed, share=config.share, tuning=self._tuning
         )
-        if self._learned_step is not None:
-            self._observer.use(self._learned_step)
+        if self._learning is not None and self._learned_step is not None:  # it may be what was learned that was wrong
+            self._learning, self._learned_step = ModelLearning(self._learning.parameters), None
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""

@@ -3,7 +3,7 @@
 At each reading, h after the one before, a law gives its innovation L (n,), the variance P of its prediction and the
 share alpha of L by which it moves its position. With R, the variance of a reading, and Delta, the steps of encoders,
 
-    e_i = sgn(L_i) max(|L_i| - Delta_i - 0.001 s h / alpha_i, 0) / sqrt(P_i + R_i)
+    e_i = sgn(L_i) max(|L_i| - Delta_i - 0.001 s T_i, 0) / sqrt(P_i + R_i),    T_i = min(h / alpha_i, 0.25 s)
 
 is tested over windows of 0.02 to 1 s, by its mean and its spread (``mathnavi.estimators.integrity.windows``). Rounding
 explains half a step of the reading, and half of the prediction that has followed it; an error of the velocity below a
@@ -43,7 +43,8 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 _WINDOWS = (0.02, 0.1, 0.4, 1.0)  # [s]
 _KAPPA = 1.2  # variance of innovations over the declared one: gains are not optimal, and innovations not quite white
 _HELD = 1.0  # [s] for which an alarm lasts
-_EARLIEST, _READINGS = 0.25, 50  # [s] and readings after a start from which on there are tests
+_EARLIEST, _READINGS = 0.25, 50  # [s] and readings after a start from which on there are tests, at least
+_LATEST = 1.0  # [s] likewise, at most: the variance of a prediction has the errors of a start
 _LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
 _SLOWER_FAST, _SLOWER_SLOW = 1.0, 16.0  # times the memory 1 / alpha of a law, of the two low-passes
 _BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise explains
@@ -70,7 +71,7 @@ class InnovationTests:
         freedom = np.arange(1, int(self._thresholds.lengths[-1]) + 1)
         self._likely, self._unlikely = (np.append(math.inf, chdtri(freedom, level)) for level in (_LIKELY, _UNLIKELY))
         settles = settling if math.isfinite(settling) else 0.0
-        self._grace = max(settles, _EARLIEST, _READINGS * mission.period)
+        self._grace = max(min(settles, _LATEST), _EARLIEST, _READINGS * mission.period)
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
         self._resting = min(_RESTING * mission.speed_max, _SLOWEST)
         self._e, self._speed = np.zeros(n), self._resting
@@ -196,7 +197,7 @@ def note(
     most = 0.0
     for i in range(n):
         S = P[i] + R[i] + _ROUNDING
-        beyond = max(abs(L[i]) - steps[i] - least * h / max(gain[i], 1e-6), 0.0)
+        beyond = max(abs(L[i]) - steps[i] - least * min(h / max(gain[i], 1e-6), _LASTING), 0.0)
         e[i] = math.copysign(beyond / math.sqrt(S), L[i])
         shown[i] = 0.0
         for j in range(2):

@@ -14,8 +14,9 @@ the samples. Old samples are forgotten with a time constant of 20 s. Where a mot
 keeps its prior, zero.
 
 The parameters are **found** if they explain more of tau than chance does, one in 1e6 (chi-square, p degrees of
-freedom), and if the torque that they add to a joint is more than 2 % of that of gains that are off by their prior
-deviation; and **known** if the torques that they add at the samples are known to a fifth, by the covariance of theta.
+freedom), and all but an eighth of it, as what else a model lacks, or a motion that is too fast for the window, is not
+explained; and if the torque that they add to a joint is more than 2 % of that of gains that are off by their prior
+deviation. They are **known** if the torques that they add at the samples are known to a fifth, by the covariance of theta.
 Found and not known is reason to doubt the model; known is reason to use another one.
 """
 
@@ -36,6 +37,7 @@ _OFTEN = 4  # samples in a window
 _UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
 _MEMORY = 20.0  # [s]
 _CHANCE = 1e-6
+_UNEXPLAINED = 0.125  # of the torque that the model lacks, squared, that may be left
 _MATTERS = 4.0  # times the least error of a sample, that the torque of parameters is
 _KNOWN = 0.2  # of the torque that parameters add, to which it is known
 _SOONEST, _BETWEEN = 8, 8  # samples before the first model and from one to the next
@@ -154,7 +156,10 @@ class ModelLearning:
             return None
         added = np.einsum("j,ijk,k->i", self.theta, self._A, self.theta)
         matters = bool((added > _MATTERS**2 * self._squares[1]).any())
-        self.found = matters and float(scaled @ A @ scaled) > self._limit
+        remaining = self._squares[0] - 2.0 * self._b @ self.theta + added
+        least = self._squares[1] + _LEAST
+        explained = float((remaining / least).sum()) <= _UNEXPLAINED * float((self._squares[0] / least).sum())
+        self.found = matters and explained and float(scaled @ A @ scaled) > self._limit
         self.known = self.found and float(np.trace(inverse @ data)) <= _KNOWN**2 * float(scaled @ data @ scaled)
         if not self.known or (np.abs(self.theta - self.used) <= _CHANGED * D).all() or self._samples < self._next:
             return None

@@ -56,7 +56,7 @@ class AttitudeIekf(LagrangianEkf):
 
 
 class _AttitudeFilter(ErrorStateFilter):
-    """A ``VelocityLaw``; ``deviation`` (6,) are standard deviations of (xi, omega), ``nis`` (2,) nu' S^-1 nu and 3."""
+    """A ``VelocityLaw`` of the errors (xi, omega); ``nis`` (2,) among its arrays is nu' S^-1 nu and 3."""
 
     def __init__(self, config: LagrangianEkfConfig, mission: LagrangianMission) -> None:
         manifold = mission.system.manifold

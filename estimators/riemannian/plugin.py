@@ -15,6 +15,8 @@ from mathnavi.estimators.riemannian.gains import (
     IntrinsicGains,
 )
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
+from mathnavi.estimators.velocity.gain_covariance import GainCovariance, Residual
+from mathnavi.estimators.velocity.model_learning import ModelLearning
 from mathnavi.estimators.velocity.position_observer import TIME_CONSTANTS, PositionObserver
 from mathnavi.estimators.velocity.readings import (
     OutlierCounter,
@@ -30,7 +32,7 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled, stepped
+from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, Step, require_modelled, stepped, uncertain_parameters
 
 _FASTEST = 1e4  # [1/s]
 
@@ -155,6 +157,12 @@ class _Intrinsic:
         self._observer: SampledIntrinsicObserver | None = None
         self._distance = np.nan
         self._tuning: BandwidthTuning | None = None
+        self._errors = GainCovariance(manifold.dimension)
+        uncertain = uncertain_parameters(mission.system) if self._tuned else None
+        self._learning = None if uncertain is None else ModelLearning(uncertain)
+        self._learned_step: Step | None = None
+        self._t, self._u = 0.0, np.zeros(len(mission.system.inputs))  # [s] of the last prediction, and its input
+        self.residual: Residual | None = None
         self._learned: tuple[Array, Array] | None = None  # variance and steps (n,), if they are not the declared ones
 
     @property
@@ -173,21 +181,31 @@ class _Intrinsic:
         omega = np.full(self._manifold.dimension, np.nan) if self._tuning is None else self._tuning.omega
         return {**found, "bandwidth": omega}
 
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (2 n,) of the components of position and velocity, by the gains and the noise alone."""
+        return self._errors.deviation
+
     def start(self, y: Array) -> None:
         config = self._config
         self._distance, self._since, self._y = 0.0, 0.0, y  # the last reading that was used, and how old it is [s]
         mission, disturbed = self._mission, config.disturbance or self._tuned
         variance, steps = self._learned or (reading_variance(mission, y), rounding_steps(mission, y))
         self._gate, self._outlier_counter = SpeedGate(mission, y, variance), OutlierCounter()
+        self._errors.start(variance, steps, mission.speed_max)
+        self.residual = None
         if self._tuned:
             self._tuning = BandwidthTuning(mission.period, variance, steps)
         self._observer = SampledIntrinsicObserver(
             mission.system, self._gains, y, disturbed=disturbed, share=config.share, tuning=self._tuning
         )
+        if self._learning is not None and self._learned_step is not None:  # it may be what was learned that was wrong
+            self._learning, self._learned_step = ModelLearning(self._learning.parameters), None
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""
         self._learned = (variance, steps)
+        self._errors.learn(variance, steps)
         self._gate.learn(variance)
         if self._tuning is not None:
             self._tuning.learn(variance, steps)
@@ -197,20 +215,43 @@ class _Intrinsic:
         self._since += h
         reached = y is not None and self._is_reached(y)
         self._observer.predict(h, u, y if reached else None)
+        self._errors.predict(h)
+        self._t, self._u = self._t + h, u
 
     def correct(self, y: Array, h: float) -> bool:
         assert self._observer is not None
         reached = self._is_reached(y)
+        before, rate = self._observer.xi, self._observer.eta
         found = self._observer.correct(y, h) if reached else None
+        self.residual = None
         self._distance = self._manifold.distance(self._observer.xi, y) if found is None else found.distance
         good = found is not None and found.accepted
         if not self._outlier_counter.admits(good):
             return False
-        if good:
+        if found is not None and found.components is not None:
+            alpha, beta, gamma = (
+                each if isinstance(each, np.ndarray) else np.full(len(found.components), each) for each in found.weights
+            )
+            self._errors.correct(found.components, (alpha, beta, gamma), self._manifold.components(before, rate), h)
+            self.residual = Residual(found.components, self._errors.predicted, alpha)
+            self._learn_model(y)
             self._y, self._since = y, 0.0
         else:
             self.start(y)
         return True
+
+    @property
+    def doubt(self) -> str:
+        """What the readings contradict and have not shown enough of; "" if there is nothing."""
+        doubted = self._learning is not None and self._learning.found and not self._learning.known
+        return "has a model whose gains, friction or load are not those of the readings" if doubted else ""
+
+    def _learn_model(self, y: Array) -> None:
+        """Learn the parameters of the model from a reading y (size,), and use them once they are known."""
+        step = None if self._learning is None else self._learning.read(self._t, y, self._u)
+        if step is not None and self._observer is not None:
+            self._learned_step = step
+            self._observer.use(step)
 
     def _is_reached(self, y: Array) -> bool:
         """True if the system can have reached y since the last reading."""

@@ -19,9 +19,9 @@ velocity, there are three poles at rho = e^(-omega h):
 
     alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
 
-With a ``tuning`` each component has its own omega, see ``gains``. A ``SteppedSystem`` is predicted by its own steps,
-the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta). Where the system has closed chains,
-L is what of it they allow.
+With a ``tuning`` each component has its own omega, see ``gains``. A ``SteppedSystem`` is predicted by its own steps, or
+by those of what was learned of it, the disturbance included: (xi^-, eta^-) is the state that they reach from (xi, eta).
+Where the system has closed chains, L is what of it they allow.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from mathnavi.estimators.riemannian.gains import BandwidthTuning, IntrinsicGains
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import is_beyond
-from mathnavi.models.manifold.system import LagrangianSystem, closure, stepped
+from mathnavi.models.manifold.system import LagrangianSystem, Step, closure, stepped
 
 _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 
@@ -45,6 +45,8 @@ class Innovation:
 
     distance: float  # theta between it and the prediction
     accepted: bool  # whether it was within the share of the injectivity radius
+    components: Array | None = None  # (n,) of L, if it was
+    weights: tuple[float | Array, float | Array, float | Array] = (0.0, 0.0, 0.0)  # alpha, beta and gamma
 
 
 class SampledIntrinsicObserver:
@@ -62,7 +64,9 @@ class SampledIntrinsicObserver:
     ) -> None:
         """``start`` (size,) is the first reading; a ``tuning`` requires ``disturbed``."""
         self._system, self._manifold, self._gains = system, system.manifold, gains
-        self._stepped, self._tuning = stepped(system), tuning
+        by_steps = stepped(system)
+        self._step: Step | None = None if by_steps is None else by_steps.step
+        self._tuning = tuning
         self._share = share  # largest distance of a reading, over the injectivity radius
         self._closure = closure(system)
         self.xi = system.manifold.check(start)
@@ -72,11 +76,17 @@ class SampledIntrinsicObserver:
         self.delta: Array | None = np.zeros(system.manifold.vector_size) if disturbed else None
         self._measured: Array | None = self.xi  # where the system was when it was last read; None once that is old
 
+    def use(self, step: Step) -> None:
+        """Predict by another ``step`` from now on, which lacks nothing as far as is known."""
+        self._step = step
+        if self.delta is not None:
+            self.delta = np.zeros_like(self.delta)
+
     def predict(self, h: float, u: Array, y: Array | None = None) -> None:
         """Predict over h [s] with the input u (nu,) held; y (size,) is the reading at the end, if there is one."""
         manifold, before = self._manifold, self.xi
-        if self._stepped is not None:
-            self.xi, self.eta = self._stepped.step(before, self.eta, u, h, self.delta)
+        if self._step is not None:
+            self.xi, self.eta = self._step(before, self.eta, u, h, self.delta)
             if self.delta is not None:
                 self.delta = manifold.transport(before, self.xi, self.delta)
             return
@@ -116,7 +126,7 @@ class SampledIntrinsicObserver:
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta + gamma * L)
         self.xi = after
-        return Innovation(theta, accepted=True)
+        return Innovation(theta, True, manifold.components(before, L), (alpha, beta, gamma))
 
     def _curvature_term(self, theta: float, L: Array, h: float) -> Array:
         """h C R(eta, -L), at most _LARGEST |L| / h long."""

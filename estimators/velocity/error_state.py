@@ -32,6 +32,7 @@ from typing import Protocol
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.estimators.velocity.gain_covariance import Residual
 from mathnavi.estimators.velocity.readings import OutlierCounter, innovation, reading_variance
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.signals import Array
@@ -116,7 +117,7 @@ class Propagation(Protocol):
 
 
 class ErrorStateFilter:
-    """A ``VelocityLaw``; ``deviation`` (2 n,) are standard deviations of e, ``nis`` (2,) L' S^-1 L and n."""
+    """A ``VelocityLaw``; ``nis`` (2,) among its arrays is L' S^-1 L and n."""
 
     def __init__(
         self,
@@ -134,13 +135,14 @@ class ErrorStateFilter:
         self.covariance = np.full((2 * self._n, 2 * self._n), np.nan)  # P, of e
         self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self._nis = math.nan
+        self.residual: Residual | None = None
 
     @property
     def state(self) -> Array:
         """State (size + vector_size,) (x, v)."""
         return self._state
 
-    settling = 0.0
+    settling, doubt = 0.0, ""
 
     @property
     def state_covariance(self) -> Array | None:
@@ -150,11 +152,13 @@ class ErrorStateFilter:
 
     @property
     def extra(self) -> Mapping[str, Array]:
-        """Standard ``deviation`` (2 n,) of e and ``nis`` (2,), L' S^-1 L and n."""
-        return {
-            "deviation": np.sqrt(np.diag(self.covariance)),
-            "nis": np.array([self._nis, math.nan if math.isnan(self._nis) else float(self._n)]),
-        }
+        """``nis`` (2,), L' S^-1 L and n."""
+        return {"nis": np.array([self._nis, math.nan if math.isnan(self._nis) else float(self._n)])}
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (2 n,) of e."""
+        return np.sqrt(np.diag(self.covariance))
 
     def start(self, y: Array) -> None:
         """Start at a first reading y (size,), with its variance and that of a velocity of the mission's maximum."""
@@ -164,7 +168,7 @@ class ErrorStateFilter:
         self._R = np.maximum(variance, self._model.noise_floor**2)
         velocity = np.full(self._n, self._mission.speed_max**2)
         self.covariance = np.diag(np.concatenate([self._R, velocity]))
-        self._outlier_counter, self._nis = OutlierCounter(), math.nan
+        self._outlier_counter, self._nis, self.residual = OutlierCounter(), math.nan, None
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""
@@ -196,13 +200,16 @@ class ErrorStateFilter:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
         n, P = self._n, self.covariance
         L = innovation(self._manifold, self._state[: self._manifold.size], y)
+        self.residual = None
         if L is None:
             return self._beyond(y)
         R = np.diag(self._R)
         solved = np.linalg.solve(P[:n, :n] + R, np.column_stack([P[:n], L]))  # S^-1 (H P, L)
         gain = solved[:, :-1].T
         self._nis = float(L @ solved[:, -1])
-        if not self._outlier_counter.admits(self._nis <= self._limit):
+        used = self._outlier_counter.admits(self._nis <= self._limit)
+        self.residual = Residual(L, P.diagonal()[:n].copy(), gain.diagonal().copy(), used)
+        if not used:
             return False
         kept = np.eye(2 * n)
         kept[:, :n] -= gain

@@ -84,11 +84,14 @@ class _HighGain(GatedLaw):
         super().__init__(mission, config.bandwidth)
         self._system, self._bandwidth = mission.system, config.bandwidth
 
-    def predict(self, h: float, u: Array, y: Array | None) -> None:
+    def _predict(self, h: float, u: Array) -> None:
         self._state = self._system.flow(self._state, u, h)
 
-    def _corrected(self, x: Array, v: Array, L: Array, h: float) -> Array:
-        alpha, beta = pole_weights(self._bandwidth, 1.0, h)
+    def _weights(self, h: float) -> tuple[float, float, float]:
+        return *pole_weights(self._bandwidth, 1.0, h), 0.0
+
+    def _corrected(self, x: Array, v: Array, L: Array, weights: tuple[float, float, float]) -> Array:
+        alpha, beta, _ = weights
         return _recentred(self._manifold, x, alpha * L, self._manifold.components(x, v) + beta * L)
 
 

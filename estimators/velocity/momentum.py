@@ -138,11 +138,15 @@ class _Momentum(GatedLaw):
         super().start(y)
         self._system.torque = np.zeros(self._manifold.dimension)
 
-    def predict(self, h: float, u: Array, y: Array | None) -> None:
+    def _predict(self, h: float, u: Array) -> None:
         self._state = self._system.flow(self._state, u, h)
 
-    def _corrected(self, x: Array, v: Array, L: Array, h: float) -> Array:
+    def _weights(self, h: float) -> tuple[float, float, float]:
         alpha, beta, gamma = triple_pole_weights(self._bandwidth, h)
+        return float(alpha), float(beta), float(gamma)
+
+    def _corrected(self, x: Array, v: Array, L: Array, weights: tuple[float, float, float]) -> Array:
+        alpha, beta, gamma = weights
         M = self._mass.mass(x)
         after = self._manifold.point(x, alpha * L)
         self._system.torque = self._system.torque + gamma * (M @ L)

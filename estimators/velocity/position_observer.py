@@ -4,7 +4,8 @@ It predicts to each reading, conditions on it, and predicts to the time of the e
 beyond the range of its coordinates or with a result that is not finite, it keeps the last finite state and is lost; it
 starts again at the next reading. An estimate that cannot be (``possible``) is lost too, and the law starts again if its
 covariance is none, or if it is too fast for longer than the timeout. Where readings were refused so long that the law
-is wrong and not they, the estimate is degraded until it has settled again. A ``SafeAnswer`` checks the estimate against
+is wrong and not they, the estimate is degraded until it has settled again, and also while its innovations are not what
+the errors of the readings make them (``innovation_tests``). A ``SafeAnswer`` checks the estimate against
 the readings, and replaces it by their differences while they contradict it; both changes are events.
 
 Law of constant gains that refuses readings that the system cannot have reached, unless they persist.
@@ -20,9 +21,19 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
+from mathnavi.estimators.velocity.gain_covariance import GainCovariance, Residual
+from mathnavi.estimators.velocity.innovation_tests import InnovationTests
 from mathnavi.estimators.velocity.possible import is_covariance, possible_or_lost
 from mathnavi.estimators.velocity.reading_errors import ReadingErrors
-from mathnavi.estimators.velocity.readings import LASTING, OutlierCounter, PositionReader, SpeedGate, innovation
+from mathnavi.estimators.velocity.readings import (
+    LASTING,
+    OutlierCounter,
+    PositionReader,
+    SpeedGate,
+    innovation,
+    reading_variance,
+    rounding_steps,
+)
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -40,12 +51,17 @@ class GatedLaw(ABC):
     """Base of a ``VelocityLaw`` that starts it and accepts or refuses its readings."""
 
     state_covariance: Array | None = None
+    doubt = ""
 
     def __init__(self, mission: LagrangianMission, bandwidth: float) -> None:
         """``bandwidth`` [1/s] is that of the poles of its errors."""
         self._mission, self._manifold = mission, mission.system.manifold
         self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
+        self._steps: Array | None = None  # (n,) likewise
         self._closure = closure(mission.system)
+        self._errors = GainCovariance(self._manifold.dimension)
+        self.residual: Residual | None = None
+        self._gains: tuple[float, tuple[float, float, float], tuple[Array, Array, Array]] | None = None
         self.settling = TIME_CONSTANTS / bandwidth
 
     @property
@@ -53,17 +69,33 @@ class GatedLaw(ABC):
         """State (size + vector_size,) (x, v)."""
         return self._state
 
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (2 n,) of position and velocity, by the gains and the noise alone."""
+        return self._errors.deviation
+
     def start(self, y: Array) -> None:
         """Start at the point y (size,) with v = 0."""
         x = y if self._closure is None else self._closure.nearest(y)
         self._state = np.concatenate([x, np.zeros(self._manifold.vector_size)])
         self._y = y  # the last reading that was used
         self._gate, self._outlier_counter = SpeedGate(self._mission, y, self._variance), OutlierCounter()
+        mission = self._mission
+        variance = reading_variance(mission, y) if self._variance is None else self._variance
+        steps = rounding_steps(mission, y) if self._steps is None else self._steps
+        self._errors.start(variance, steps, mission.speed_max)
+        self.residual = None
 
     def learn(self, variance: Array, steps: Array) -> None:
         """Assume these errors of a reading from now on."""
-        self._variance = variance
+        self._variance, self._steps = variance, steps
         self._gate.learn(variance)
+        self._errors.learn(variance, steps)
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        """Predict over h [s] with u (nu,) held."""
+        self._predict(h, u)
+        self._errors.predict(h)
 
     def correct(self, y: Array, h: float) -> bool:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
@@ -71,17 +103,34 @@ class GatedLaw(ABC):
         x, v = self._state[:size], self._state[size:]
         moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
         good = moved is not None and L is not None and self._gate.passes(moved, h)
+        self.residual = None
         if not self._outlier_counter.admits(good):
             return False
         if L is None or not good:
             self.start(y)
             return True
-        self._state = self._corrected(x, v, L if self._closure is None else self._closure.tangent(x, L), h)
+        L = L if self._closure is None else self._closure.tangent(x, L)
+        if self._gains is None or self._gains[0] != h:
+            weights = self._weights(h)
+            alpha, beta, gamma = (np.full(manifold.dimension, each) for each in weights)
+            self._gains = h, weights, (alpha, beta, gamma)
+        _, weights, gains = self._gains
+        self._state = self._corrected(x, v, L, weights)
+        self._errors.correct(L, gains, manifold.components(x, v), h)
+        self.residual = Residual(L, self._errors.predicted, gains[0])
         self._y = y
         return True
 
     @abstractmethod
-    def _corrected(self, x: Array, v: Array, L: Array, h: float) -> Array:
+    def _predict(self, h: float, u: Array) -> None:
+        """Predict the state over h [s] with u (nu,) held."""
+
+    @abstractmethod
+    def _weights(self, h: float) -> tuple[float, float, float]:
+        """Weights alpha, beta [1/s] and gamma [1/s^2] of a reading h [s] after the one before."""
+
+    @abstractmethod
+    def _corrected(self, x: Array, v: Array, L: Array, weights: tuple[float, float, float]) -> Array:
         """State (size + vector_size,) after the innovation L (n,) at x (size,), v (vector_size,)."""
 
 
@@ -96,6 +145,21 @@ class VelocityLaw(Protocol):
     @property
     def state_covariance(self) -> Array | None:
         """Covariance (size + vector_size, size + vector_size) of the state; None of a law that has none."""
+        ...
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (2 n,) of the components of position and velocity, as far as the law knows them."""
+        ...
+
+    @property
+    def residual(self) -> Residual | None:
+        """What the law made of the last reading; None if it did not use it, or has no model that it tests."""
+        ...
+
+    @property
+    def doubt(self) -> str:
+        """Why its estimate is degraded if the readings show that its velocity is off; "" if it is not."""
         ...
 
     @property
@@ -151,6 +215,8 @@ class PositionObserver:
         self._refused_in_a_row = 0
         self._extra = dict(law.extra)
         self._safe_answer = safe_answer
+        self._tests = InnovationTests(mission, law.settling)
+        self._noise: tuple[Array, Array] | None = None  # variances and steps (n,) of a reading
         self.reading_errors = ReadingErrors(mission)
         """errors of the readings"""
 
@@ -158,9 +224,10 @@ class PositionObserver:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
         between.
 
-        ``extra`` has the arrays of the law, ``refused`` (1,) readings so far, and ``restarts`` (1,), the number of
-        starts after a failed step or after a minute without calls. It also counts the readings
-        that were not used.
+        ``extra`` has the arrays of the law; ``deviation`` (2 n,), standard deviations of the components of position
+        and velocity; ``integrity`` (1,), the worst statistic of the innovations over its threshold; ``refused`` (1,)
+        readings so far; and ``restarts`` (1,), the number of starts after a failed step or after a minute without
+        calls. It also counts the readings that were not used.
         """
         for reading in measurements:
             y = self._reader.read(reading)
@@ -180,8 +247,20 @@ class PositionObserver:
         covariance = None if self._t is None else self._law.state_covariance
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
+        if covariance is not None:
+            covariance = self._tests.covariance(covariance)
+        if not message and self._tests.message:  # of which noise is the cause, if there is more than declared
+            message = self.reading_errors.doubt or self._tests.message
+        integrity = {"deviation": self._deviation(), "integrity": np.array([self._tests.ratio])}
         estimate = self.reading_errors.doubted(
-            Estimate(t, x, covariance, status, {**extra, **counts, **self.counts.extra}, message)
+            Estimate(
+                t,
+                x,
+                covariance,
+                status,
+                {**extra, **integrity, **counts, **self.counts.extra},
+                message or self._law.doubt,
+            )
         )
         found = possible_or_lost(self._mission, estimate)
         if found is estimate:
@@ -189,6 +268,12 @@ class PositionObserver:
         else:
             self._give_up(t, covariance)
         return found
+
+    def _deviation(self) -> Array:
+        """Standard deviations (2 n,) of the components of position and velocity; NaN while there is no estimate."""
+        if self._t is None:
+            return np.full(2 * self._manifold.dimension, np.nan)
+        return self._tests.deviation(self._law.deviation)
 
     def _give_up(self, t: float, covariance: Array | None) -> None:
         """Start the law again at the next reading if an estimate that cannot be will not mend by itself."""
@@ -205,17 +290,31 @@ class PositionObserver:
         self._move(t, u, y)
         predicted = None if self._t is None else self._x[: self._manifold.size]
         if self.reading_errors.read(t, y, predicted) and self._t is not None:
-            self._law.learn(self.reading_errors.variance, self.reading_errors.steps)
-        if self._safe_answer is None:
-            self._take(t, y)
-            return
+            self._noise = (self.reading_errors.variance, self.reading_errors.steps)
+            self._law.learn(*self._noise)
         before = self._timeout_monitor.t
         fresh = self._take(t, y)
-        if self._timeout_monitor.t == t:  # the reading was used
-            h = t - before if math.isfinite(before) else 0.0
+        used = self._timeout_monitor.t == t
+        h = t - before if math.isfinite(before) else 0.0
+        self._test(t, y, h, fresh)
+        if self._safe_answer is None:
+            return
+        if used:
             self._safe_answer.read(y, h, None if fresh or self._t is None else self._x)
         if self._safe_answer.ran_away:
             self._t = None
+
+    def _test(self, t: float, y: Array, h: float, fresh: bool) -> None:
+        """Test what the law made of a reading y (size,) of t [s], h [s] after the one before."""
+        if fresh:
+            self._tests.begin(t)
+        residual = None if fresh or self._t is None else self._law.residual
+        if residual is None or not self.reading_errors.known:
+            return
+        if self._noise is None:
+            self._noise = (reading_variance(self._mission, y), rounding_steps(self._mission, y))
+        x, v = self._x[: self._manifold.size], self._x[self._manifold.size :]
+        self._tests.note(t, h, residual, self._noise, self._manifold.components(x, v))
 
     def _take(self, t: float, y: Array) -> bool:
         """Condition the law on a reading; True if the law was started at it."""
@@ -241,6 +340,7 @@ class PositionObserver:
         elif used:
             if self._refused_in_a_row >= LASTING:  # they were none: the law was wrong
                 self._timeout_monitor.restart(t)
+                self._tests.begin(t)
             self._refused_in_a_row = 0
         return False
 
@@ -268,6 +368,8 @@ class PositionObserver:
 
     def _status(self, t: float, covariance: Array | None) -> Status:
         status, safe = self._timeout_monitor.status(t, covariance), self._safe_answer
-        if safe is not None and status.usable and self._t is not None:
-            return worst(status, safe.status)
+        if status.usable and self._t is not None:
+            doubted = bool(self._law.doubt) and self._tests.shows_error(t)
+            tested = worst(self._tests.status(t), Status.DEGRADED if doubted else Status.OK)
+            return worst(status, tested) if safe is None else worst(status, safe.status, tested)
         return status if self._t is not None or status is Status.INITIALISING else Status.LOST

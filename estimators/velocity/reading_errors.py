@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
 _POINTS = 4  # of the cubic
-_EVEN = (4.0, -6.0, 4.0, -1.0)  # its weights for readings that are evenly spaced, the newest first
+_EVEN = np.array([4.0, -6.0, 4.0, -1.0])  # its weights for readings that are evenly spaced, the newest first
 _UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
 _FEWEST = 50  # readings from which noise is known
 _MEMORY = 200.0  # readings of the means
@@ -115,6 +116,13 @@ class ReadingErrors:
         """True if the readings are noisier than declared."""
         return self._windows is not None and self._windows.worst(self._used).ratio > 1.0
 
+    @property
+    def doubt(self) -> str:
+        """What is wrong with the errors that are assumed; "" if they are as declared, or found."""
+        if not self.known:
+            return "does not know its readings' noise yet"
+        return "has readings that are noisier than declared" if self.contradicted else ""
+
     def ignore(self, coordinates: slice) -> None:
         """Do not test these coordinates, which no encoder reads."""
         self._used[coordinates] = False
@@ -123,12 +131,8 @@ class ReadingErrors:
         """Return an estimate as it is, or DEGRADED if it is OK while the errors of its readings are not as declared,
         or not known.
         """
-        if estimate.status is not Status.OK or (self.known and not self.contradicted):
-            return estimate
-        message = (
-            "has readings that are noisier than declared" if self.known else "does not know its readings' noise yet"
-        )
-        return replace(estimate, status=Status.DEGRADED, message=message)
+        doubt = self.doubt if estimate.status is Status.OK else ""
+        return replace(estimate, status=Status.DEGRADED, message=doubt) if doubt else estimate
 
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
         """Take a reading y (size,) of t [s] and the position (size,) that was predicted for it, if it was.
@@ -159,11 +163,12 @@ class ReadingErrors:
 
     def _residual(self, t: float, y: Array) -> Array | None:
         """r / sqrt(c) (n,) of a reading y (size,) of t [s]; None where a reading before it has no coordinates."""
-        times = np.array([at for at, _ in reversed(self._past)])
-        gaps = -np.diff(times, prepend=t)
-        if (np.abs(gaps - gaps[0]) <= _UNEVEN * gaps[0]).all():
-            weights = np.array(_EVEN)
+        at = [t, *(each for each, _ in reversed(self._past))]
+        gap = at[0] - at[1]
+        if all(abs(after - before - gap) <= _UNEVEN * gap for after, before in pairwise(at)):
+            weights = _EVEN
         else:
+            times = np.array(at[1:])
             others = times[:, np.newaxis] - times + np.eye(_POINTS)
             ahead = (t - times) * np.ones((_POINTS, 1))
             np.fill_diagonal(ahead, 1.0)

@@ -6,6 +6,7 @@ import math
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
@@ -137,8 +138,13 @@ def greatest_rate(manifold: Manifold, c: Array) -> float:
     It is that of a joint or, of a body that turns or moves freely, the length of its angular or linear velocity. A
     manifold that has several of them names the first component of each as ``rate_starts``; else all are those of one.
     """
-    starts = getattr(manifold, "rate_starts", _ONE_RATE)
-    return math.sqrt(float(np.add.reduceat(np.square(c), starts).max()))
+    return math.sqrt(float(np.add.reduceat(np.square(c), rate_starts(manifold)).max()))
+
+
+def rate_starts(manifold: Manifold) -> NDArray[np.intp]:
+    """First component of the rate of each joint, and of each turn and way of a body that moves freely."""
+    starts: NDArray[np.intp] = getattr(manifold, "rate_starts", _ONE_RATE)
+    return starts
 
 
 def unrounded(name: str, p: Array, bits: int) -> Array:

@@ -8,10 +8,12 @@ be moved between the two. A state is (x, v), one after the other.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
@@ -127,6 +129,53 @@ def closure(system: LagrangianSystem) -> Closure | None:
     """Return the constraints of a system that names some as ``closure``; None of one that has none."""
     found: Closure | None = getattr(system, "closure", None)
     return found
+
+
+class Step(Protocol):
+    """Step of a system, as ``SteppedSystem.step``."""
+
+    def __call__(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
+        """State x (size,), v (vector_size,) after h [s] from (x, v) with u (nu,) and delta (vector_size,) held."""
+        ...
+
+
+class UncertainParameters(Protocol):
+    """Parameters theta (p,) of a system that it may have wrong, zero as it has them."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names (p,)."""
+        ...
+
+    @property
+    def prior(self) -> Array:
+        """Standard deviations (p,) before anything is known."""
+        ...
+
+    @property
+    def delay(self) -> float:
+        """Time [s] from a position to the middle of the input that goes with it in a step."""
+        ...
+
+    def within(self, u: Array) -> Array:
+        """Inputs (nu,) within their ranges."""
+        ...
+
+    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Torque (n,) that the system lacks at q, v and a (n,) with u (nu,) of ``delay`` later, what parameters add to
+        it (n, p), and in which components (n,) that is true.
+        """
+        ...
+
+    def applied(self, theta: Array) -> Step:
+        """Return the step of the system with theta (p,)."""
+        ...
+
+
+def uncertain_parameters(system: LagrangianSystem) -> UncertainParameters | None:
+    """Return the parameters that a system may have wrong; None of one that names none."""
+    parameters: Callable[[], UncertainParameters | None] | None = getattr(system, "parameters", None)
+    return None if parameters is None else parameters()
 
 
 @runtime_checkable

@@ -71,7 +71,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "consensus": {"sizes": 1, "seeds": 1, "vehicles": 4},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
-    "real-arms": {"cases": 1, "values": 1, "seconds": 1},
+    "real-arms": {"cases": 1, "values": 1, "seconds": 1, "robots": 1, "faults": 2},
     "false-alarms": {"seeds": 1, "cases": 1},
     "bounds": {"seeds": 1, "scenarios": 2, "shortened": 4},
     "scaling": {"repetitions": 1, "sizes": 2, "trials": 10, "worker_counts": 1, "slow_network": False},
@@ -107,7 +107,10 @@ SMALLER: dict[str, dict[str, Any]] = {
         **{f"introduction.{module}.CURVES": SMALL_CURVES for module in ("cost_measurement", "scaling")},
     },
     "mechanisms": {"riemannian.mechanisms.BEGIN": 0.05},
-    "real-arms": {"riemannian.real_arms.BEGIN": 0.05},
+    "real-arms": {
+        **{"riemannian.real_arms.BEGIN": 0.05, "riemannian.faulty_arms.SETTLED": 0.05},
+        "riemannian.faulty_arms.SMALL": 0,
+    },
 }
 """constants of studies that no field makes smaller, by their places"""
 
@@ -185,7 +188,7 @@ CLAIMS = {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",
     },
-    "real-arms": {"real-arms.best", "real-arms.honest"},
+    "real-arms": {"real-arms.best", "real-arms.honest", "real-arms.false-alarm"},
     "false-alarms": {"false-alarms.scenarios"},
     "bounds": {"bounds.efficiency", "bounds.valid"},
     "scaling": {"scaling.map", "scaling.fleet", "scaling.hundred"},

@@ -74,7 +74,8 @@ def test_a_body_that_falls_at_less_than_the_limit_is_followed(method: str) -> No
         refused = float(estimate.extra.get("refused", np.zeros(1))[0])
     assert np.abs(v[-1]).max() > 10.0
     assert refused == 0.0
-    assert estimate.status is Status.OK
+    slow = method == "momentum_observer"  # it finds the rate of the damped, light leg within 0.7 s, and says so
+    assert estimate.status is (Status.DEGRADED if slow else Status.OK)
     assert np.abs(estimate.x[model.nq : model.nq + 3] - v[-1, :3]).max() < 0.5
 
 
@@ -144,7 +145,8 @@ class _Broken:
 
     said: Array
     state_covariance: Array | None
-    settling = 0.0
+    deviation: Array = dataclasses.field(default_factory=lambda: np.ones(2))
+    settling, residual, doubt = 0.0, None, ""
     extra = {}  # noqa: RUF012
 
     @property

@@ -58,8 +58,8 @@ PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimator
 
 @dataclass(frozen=True)
 class Truth:
-    """A ``mathnavi.interfaces.protocols.StateView``: what a sensor does to the state that it is given stays with it, for
-    all flights of a bench share one motion.
+    """A ``mathnavi.interfaces.protocols.StateView``. Whatever a sensor does to the state stays its own: all flights of
+    a bench share one motion.
     """
 
     state: Array

@@ -16,7 +16,8 @@ from mathnavi.estimators.integrity.guard import alone
 from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
 from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
-from mathnavi.interfaces.signals import Array, Estimate, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.plugin.registry import load
 
 PERIOD, NOISE, ODOMETRY = 0.02, 0.02, (0.02, 0.02)
@@ -324,3 +325,36 @@ def test_an_estimator_that_fails_without_a_ray_explains_nothing_and_goes_on() ->
     found = estimates(Needy, drive)
     assert not any(each.extra["left_out"][0] for each in found)
     assert sure_and_wrong(found, drive) == 0.0
+
+
+def two_rays(seed: int, scale: float = 0.0) -> list[tuple[Array, Estimate]]:
+    """Poses, and estimates of a bank with two rays that does not know its start, on a circle that is read exactly.
+
+    ``scale`` is the declared deviation of the odometry's scale.
+    """
+    angles = (0.0, 0.5 * math.pi)
+    odometry = OdometryQuality((0.005, 0.005), scale)
+    mission = mn.RangingMission(WALL, angles, RangeQuality(absolute=0.01), odometry, period=PERIOD)
+    rng = np.random.default_rng(seed)
+    v, radius, side, at = rng.uniform(0.3, 0.6), rng.uniform(0.5, 0.7), rng.choice((-1.0, 1.0)), rng.uniform(-3.0, 3.0)
+    x = np.array([2.1 + radius * math.cos(at), 1.4 + radius * math.sin(at), at + side * 0.5 * math.pi])
+    u = np.array([v, side * v / radius])
+    bank, told = FeasibleSetBank.build(FeasibleSetBank.Config(), mission), []
+    for k in range(400):
+        x = mission.flow(x, u, PERIOD)
+        t = (k + 1) * PERIOD
+        read = [Measurement("ranges", t, WALL.ranges(x, angles)[0]), Measurement("odometry", t, u)]
+        told.append((x, bank.update(t, read, u)))
+    return told
+
+
+@pytest.mark.parametrize(("seed", "scale"), [(35, 0.0), (47, 0.02)])
+def test_of_two_rays_none_is_left_out_while_the_pose_itself_may_be_another(seed: int, scale: float) -> None:
+    assert not any(estimate.extra["left_out"].any() for _, estimate in two_rays(seed, scale))
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.02])
+def test_two_rays_that_fit_a_wrong_pose_for_a_moment_are_not_trusted(scale: float) -> None:
+    told = two_rays(33, scale)
+    assert not [estimate.t for x, estimate in told if estimate.status is Status.OK and math.dist(x[:2], estimate.x[:2]) > 0.3]
+    assert any(estimate.status is Status.OK for _, estimate in told)

@@ -16,8 +16,8 @@ keeps its prior, zero.
 The parameters are **found** if they explain more of tau than chance does, one in 1e6 (chi-square, p degrees of
 freedom), and all but an eighth of it, as what else a model lacks, or a motion that is too fast for the window, is not
 explained; and if the torque that they add to a joint is more than 2 % of that of gains that are off by their prior
-deviation. They are **known** if the torques that they add at the samples are known to a fifth, by the covariance of theta.
-Found and not known is reason to doubt the model; known is reason to use another one.
+deviation. They are **known** if the torques that they add at the samples are known to a fifth, by the covariance of
+theta. Found and not known is reason to doubt the model; known is reason to use another one.
 """
 
 from __future__ import annotations

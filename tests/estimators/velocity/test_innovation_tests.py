@@ -32,6 +32,19 @@ def test_no_observer_is_sure_of_a_wrong_velocity(arm: str, fault: dict[str, floa
     assert not (far & watched.ok[late]).any()
 
 
+def test_a_filter_that_hardly_follows_its_readings_is_tested_too() -> None:
+    """What counts as no error of the velocity moves its position for long, and yet not by 50 mrad."""
+    system, _ = moving("flat", 0.0)
+    step = 2.0 * math.pi / 2.0**14
+    tests = InnovationTests(mission_of(system, 0.002, noise=1e-4), 0.0)
+    tests.begin(0.0)
+    P, gain = np.full(2, 1e-10), np.full(2, 1e-4)
+    for k in range(500):
+        residual = Residual(np.array([0.05, 0.0]), P, gain)
+        tests.note(0.002 * k, 0.002, residual, (np.full(2, step**2 / 12.0), np.full(2, step)), np.full(2, 3.0))
+    assert tests.status(0.998) is Status.DEGRADED
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-3], ids=["encoder", "noise"])
 @pytest.mark.parametrize("method", [*METHODS, "filtered_differences"])
 @pytest.mark.parametrize("arm", ["two-link"])

@@ -1,4 +1,4 @@
-"""What stands behind the vehicles in a picture of an episode over a terrain: its relief, haze and sky.
+"""Background of a picture of an episode over a terrain: relief, haze and sky.
 
 The physics has a grey ground, which costs nothing and looks like nothing. Here the ground of videos is drawn by the
 same camera, with the same triangles as that of the physics, and all else of the physics' model before it: where its

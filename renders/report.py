@@ -183,7 +183,7 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
 
 
 def _repetition(config: Mapping[str, Any]) -> str:
-    """What the command that repeats a run gives."""
+    """Result of the command that repeats a run."""
     if config.get("recorded") is not None:
         return (
             f"Its estimator ran over the readings and inputs of {config['recorded']}. This command simulates the "

@@ -53,7 +53,7 @@ class SolveCall:
 
     @property
     def stage(self) -> str:
-        """What the call does, in words, with its method."""
+        """Description of the present stage, with its method."""
         return ": ".join(filter(None, (self._stages[-1], self._now.method)))
 
     @property
@@ -78,7 +78,7 @@ class SolveCall:
             self.best = solution if known else dataclasses.replace(solution, method=named)
 
     def close(self) -> None:
-        """Give the call the time of a last replay, of which it tells nobody."""
+        """Give the call the time of a last replay, without a report of progress."""
         self.interrupted, self._report = False, None
         self._late = cpu_time() - self._cpu + min(_CLOSING * self._seconds, _AT_MOST)
 

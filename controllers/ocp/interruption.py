@@ -99,7 +99,7 @@ def _best(call: SolveCall, tolerance: float) -> Solution:
 
 @contextmanager
 def _interruptible(call: SolveCall) -> Iterator[None]:
-    """Handle Ctrl-C within the block if nobody else does."""
+    """Handle Ctrl-C within the block unless it is handled already."""
     main = threading.current_thread() is threading.main_thread()
     if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield

@@ -242,7 +242,7 @@ class _Intrinsic:
 
     @property
     def doubt(self) -> str:
-        """What the readings contradict and have not shown enough of; "" if there is nothing."""
+        """Assumption that the readings contradict and have not shown enough of; "" if there is nothing."""
         doubted = self._learning is not None and self._learning.found and not self._learning.known
         return "has a model whose gains, friction or load are not those of the readings" if doubted else ""
 

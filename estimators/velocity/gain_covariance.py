@@ -33,7 +33,7 @@ _STANDING = 1e-12  # [rad, m] of a motion between two readings that is none
 
 
 class Residual(NamedTuple):
-    """What an observer makes of a reading."""
+    """Correction that an observer makes for a reading."""
 
     value: Array  # (n,) [rad, m] coordinates of the reading about the prediction
     variance: Array  # (n,) [rad^2, m^2] of the prediction

@@ -154,7 +154,7 @@ class VelocityLaw(Protocol):
 
     @property
     def residual(self) -> Residual | None:
-        """What the law made of the last reading; None if it did not use it, or has no model that it tests."""
+        """Residual of the last reading; None if the law did not use it, or has no model that it tests."""
         ...
 
     @property

@@ -118,7 +118,7 @@ class ReadingErrors:
 
     @property
     def doubt(self) -> str:
-        """What is wrong with the errors that are assumed; "" if they are as declared, or found."""
+        """Message about assumed errors that are wrong; "" if they are as declared, or found."""
         if not self.known:
             return "does not know its readings' noise yet"
         return "has readings that are noisier than declared" if self.contradicted else ""

@@ -25,7 +25,7 @@ BAND = 0.18  # opacity
 
 
 def states_figure(run: GenericRun, most: int = MOST_ROWS) -> Figure:
-    """What an estimator estimates, then the states over time, with their estimates."""
+    """Estimated quantities, then the states, over time with their estimates."""
     figure = charts_figure([*estimate_charts(run), *state_charts(run)], run.duration, most)
     assert figure is not None  # no vehicle is without a state
     return figure

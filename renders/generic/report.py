@@ -35,7 +35,7 @@ def report(run: GenericRun) -> Markup:
 
 
 def at_a_glance(run: GenericRun) -> Figure:
-    """What is estimated and the states over time, with the estimates."""
+    """Estimated quantities and states over time, with the estimates."""
     return states_figure(run)
 
 
@@ -97,6 +97,6 @@ def _of_estimates(found: RecordedEstimates | None) -> str:
 
 
 def _banded(found: Sequence[RecordedEstimates | None]) -> str:
-    """What a band about a curve is; "" where there is none."""
+    """Meaning of the band about a curve; "" where there is none."""
     banded = any(each is not None and each.deviation is not None for each in found)
     return f"; the bands are {DEVIATIONS:g} standard deviations of the estimate to either side" if banded else ""

@@ -185,5 +185,5 @@ DEFINITIONS: dict[str, str] = {
 
 
 def definition(key: str) -> str:
-    """Return what a figure of a summary means; "" for a figure of somebody else's scenario."""
+    """Return what a figure of a summary means; "" for a figure of a scenario from elsewhere."""
     return DEFINITIONS.get(key, "")

@@ -49,7 +49,7 @@ ROBOTS = (
 
 @dataclass(frozen=True)
 class Fault:
-    """What is not as it is believed to be."""
+    """Difference between the true model and the assumed one."""
 
     name: str
     gain: float = 1.0  # times the stiffness of servos, and the gain of motors

@@ -231,7 +231,7 @@ def _missing_text(missing: Sequence[str]) -> str:
 
 
 def _best_text(faulty: Sequence[Row]) -> str:
-    """In how many cases the observer is as good as the best of its tuned rivals, and how much better the median is."""
+    """Number of cases in which the observer is as good as the best of its tuned rivals, and the median ratio."""
     good, ratios = 0, []
     cases = by_case(faulty)
     for rows in cases.values():

@@ -49,7 +49,7 @@ class OtherStarts:
 
 @dataclass(frozen=True)
 class Minima:
-    """What was found: J on the coarse mesh of each minimum, the lowest first, and how many starts came to it."""
+    """Result: J on the coarse mesh of each minimum, the lowest first, and how many starts came to it."""
 
     lower: Solution | None  # a lower minimum, by the method itself
     unconfirmed: float | None  # a lower J that the method could not solve to the tolerance

@@ -267,14 +267,12 @@ def guarded(
     start is unknown, and where it is lost it begins again from what the finder found. ``stand_in`` makes the estimator
     of replays, where the other takes too long to run again; one whose update takes ``cost`` [s] about.
 
-    From an unknown start as many rays are kept as tell a wrong pose from the right one, and where there are no more
-    than these, an estimate is not trusted before it has agreed with them for a while.
+    From an unknown start as many rays are kept as tell a wrong pose from the right one.
     """
     by_itself, starts = finder is None, mission.start is not None
     spare = mission.sensors - (1 if starts else _FINDS_A_POSE)
-    trusted = starts or (by_itself and mission.sensors > _FINDS_A_POSE)
     return Guarded(
-        build(mission), PoseWitness(mission), most_out=min(most_out, spare), trusted=trusted,
+        build(mission), PoseWitness(mission), most_out=min(most_out, spare), trusted=by_itself or starts,
         recovery=None if finder is None else Relocation(mission, build, finder),
         restart=Restarts(mission, build, stand_in), cost=cost,
     )  # fmt: skip

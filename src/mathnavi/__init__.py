@@ -114,8 +114,8 @@ _PLACES = {
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
     "MultiPhaseProblem": "controllers.ocp.phases",
     "Monitor": "controllers.ocp.monitors",
-    "SolverOptions": "controllers.ocp.backend:Options",
     "SolveProgress": "controllers.ocp.progress",
+    "SolverOptions": "controllers.ocp.backend:Options",
     "load_solution": "controllers.ocp.saved_solution",
     "check_pontryagin": "controllers.ocp.pontryagin",
     # terrain

@@ -211,7 +211,7 @@ def test_an_attempt_solves_the_stated_problem_and_an_exception_is_its_answer(mon
     assert figures["status"] == "optimal"
     assert figures["cost"] == pytest.approx(6.0, rel=1e-9)
 
-    def broken() -> None:
+    def broken(**_: object) -> None:
         raise IndexError("list index\nout of range")
 
     problem = OptimalControlProblem("double integrator, energy")

@@ -58,9 +58,9 @@ def test_nothing_is_left_where_nothing_can_be_written(
 ) -> None:
     pytest.importorskip(package)
     ending = {"--rerun": "rrd", "--mcap": "mcap"}[flag]
-    for folder, out in (("nowhere", f"a.{ending}"), ("robot", f"nowhere/a.{ending}")):
+    for out in (f"a.{ending}", f"folder/a.{ending}"):
         capsys.readouterr()
-        assert main(["export", str(runs / folder), flag, str(tmp_path / out)]) == 2
+        assert main(["export", str(runs / "nowhere"), flag, str(tmp_path / out)]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
         assert list(tmp_path.iterdir()) == []
     with little_room(1000):  # as on a disk that is full

@@ -9,7 +9,7 @@ is tested over windows of 0.02 to 1 s, by its mean and its spread (``mathnavi.es
 explains half a step of the reading, and half of the prediction that has followed it; an error of the velocity below a
 thousandth of s, the greatest speed of the last second, counts as none. At rest s is 0.1 rad/s and m/s, or a hundredth
 of ``speed_max`` if that is less: an error is not compared with a motion that has ended. An alarm is DEGRADED for a
-second. Tests begin when a law has had the time to settle.
+second. Tests begin when a law has had the time to settle, after 2 s at the latest; until then its word is not tested.
 
 **The error that the readings show.** A position is moved by v^ h between readings and by alpha L at them, and follows
 the true one: so

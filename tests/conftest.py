@@ -103,6 +103,20 @@ def stores_wait_for_no_disk() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(autouse=True)
+def modules_of_a_test_go_with_it(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What a test writes as a module and imports, here or through a command, is unknown to the tests after it.
+
+    A command that loads FILE:Class leaves the module, and its folder on sys.path, to the end of the process.
+    """
+    loaded, base = set(sys.modules), str(tmp_path_factory.getbasetemp())
+    yield
+    for name in set(sys.modules) - loaded:
+        if str(getattr(sys.modules[name], "__file__", None)).startswith(base):
+            del sys.modules[name]
+    sys.path[:] = [folder for folder in sys.path if not folder.startswith(base)]
+
+
 @pytest.fixture
 def drawing_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stills and videos are drawn by processes of their own, as for a user."""

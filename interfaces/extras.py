@@ -12,6 +12,8 @@ EXTRAS = {  # by the name under which a package is imported: its name in the ind
     "rerun": ("rerun-sdk", "rerun"),
     "mcap": ("mcap", "mcap"),
     "mcap_protobuf": ("mcap-protobuf-support", "mcap"),
+    "rosbags": ("rosbags", "logs"),
+    "pyulog": ("pyulog", "logs"),
     "foxglove_schemas_protobuf": ("foxglove-schemas-protobuf", "mcap"),
 }
 

@@ -8,7 +8,7 @@ from mathnavi.interfaces.entry_points import PREFIX, entry_points_of
 
 GROUPS = {  # by kind of plug-in
     kind: f"{PREFIX}{kind}"
-    for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains", "drawings")
+    for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains", "drawings", "logs")
 }
 KINDS = {"controller": "controllers", "estimator": "estimators"}
 """kind of the plug-in of each part of a run"""

@@ -39,6 +39,7 @@ NEEDED = {  # of the class itself, besides Config
     "consensus": ("build", "within_starts"),
     "scenarios": ("build", "controller", "estimator"),
     "studies": ("run", "quick", "title"),
+    "logs": ("accepts", "read"),
 }
 
 

@@ -50,9 +50,16 @@ class LogColumns:
 
 
 def read_log_columns(
-    path: Path, time: str, wanted: Sequence[str], time_unit: str | None, units: Mapping[str, str], form: TableFormat
+    path: Path,
+    time: str,
+    wanted: Sequence[str],
+    time_unit: str | None,
+    units: Mapping[str, str],
+    form: TableFormat,
+    *,
+    increasing: bool = True,
 ) -> LogColumns:
-    """Read the times and the columns ``wanted`` of a log, in SI units.
+    """Read the times, which have to be ``increasing`` or not, and the columns ``wanted`` of a log, in SI units.
 
     Raises LogError for a column that is missing or there twice, for a unit that is not known or may be another, for
     a cell that is no number, and for times that do not increase, with the line and the column; FileNotFoundError.
@@ -89,7 +96,7 @@ def read_log_columns(
         notes.append(f"t = 0 is {start:f} s of the file's times")
     else:
         t, start, values = table.numbers[:, 0] / log_times.PER_SECOND[unit], Decimal(0), table.numbers[:, 1:]
-    _check_times(path, t, table.lines, header[0])
+    _check_times(path, t, table.lines, header[0], increasing=increasing)
     if any(factor != 1.0 for factor in factors):
         values = values * np.array(factors)
     return LogColumns(t, start, values, table.lines, tuple(header[1:]), (*notes, *table.notes))
@@ -97,7 +104,7 @@ def read_log_columns(
 
 def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableFormat) -> list[int]:
     """Return the places of columns by their names, whole or without their units."""
-    short = _bare(head.names)
+    short = bare(head.names)
     places = []
     for name in wanted:
         found = [k for k, each in enumerate(head.names) if each == name]
@@ -116,7 +123,7 @@ def _advice(path: Path, head: TableHead, wanted: Sequence[str], name: str, form:
     if advice := advice_without_names(head.names):
         return f"; its first line holds numbers: {advice} allows it"
     lines = first_lines(path, form, _LOOKED_THROUGH, LogError)
-    if advice := advice_for_names(lines, lambda names: {*wanted} <= {*names, *_bare(names)}, form):
+    if advice := advice_for_names(lines, lambda names: {*wanted} <= {*names, *bare(names)}, form):
         return f"; {advice} allows it"
     if advice := misspelt(name, head.names):
         return advice
@@ -124,8 +131,8 @@ def _advice(path: Path, head: TableHead, wanted: Sequence[str], name: str, form:
     return f"; comment={sign!r} leaves out the lines that begin so" if sign in ("#", "%", ";") else ""
 
 
-def _bare(names: Sequence[str]) -> list[str]:
-    """Return names without the units in their brackets."""
+def bare(names: Sequence[str]) -> list[str]:
+    """Return names of columns without the units in their brackets."""
     return [name if _stated(name) is None else _BRACKETS.sub(r"\1", name) for name in names]
 
 
@@ -242,10 +249,10 @@ def _exact_times(path: Path, table: TableColumns, name: str, unit: str, form: Ta
         raise LogError(f"{path} line {line}, column {name!r}: {cell!r} {fault}") from None
 
 
-def _check_times(path: Path, t: Array, lines: NDArray[np.int64], name: str) -> None:
+def _check_times(path: Path, t: Array, lines: NDArray[np.int64], name: str, *, increasing: bool) -> None:
     if (bad := np.flatnonzero(~np.isfinite(t))).size:
         raise LogError(f"{path} line {lines[bad[0]]}, column {name!r}: no time; allowed: a time in each row")
-    if (bad := np.flatnonzero(np.diff(t) <= 0.0)).size:
+    if increasing and (bad := np.flatnonzero(np.diff(t) <= 0.0)).size:
         k = int(bad[0])
         raise LogError(
             f"{path} line {lines[k + 1]}, column {name!r}: {t[k + 1]:.9g} s comes after {t[k]:.9g} s; allowed: times "

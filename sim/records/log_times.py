@@ -46,6 +46,12 @@ def is_exact(cell: str, unit: str) -> bool:
     return number is not None and abs(number) >= _SINCE_EPOCH * PER_SECOND[unit]
 
 
+def epoch_of(stamps: Array, unit: str) -> float:
+    """Return what to subtract from stamps (n,) in a unit: the least if they are since an epoch, else 0."""
+    first = float(stamps.min()) if stamps.size else 0.0
+    return first if abs(first) >= _SINCE_EPOCH * PER_SECOND[unit] else 0.0
+
+
 def check_unit(cell: str, unit: str) -> None:
     """Raise TimeError for the first time of a log that obviously has another unit; ``what`` names it."""
     if _STAMP.fullmatch(cell):

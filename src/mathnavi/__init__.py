@@ -60,6 +60,8 @@ if TYPE_CHECKING:
     from mathnavi.scripting.run_result import RunResult
     from mathnavi.scripting.runs import available, make, run, study, sweep
     from mathnavi.scripting.safety_filter import SafetyFilter
+    from mathnavi.sim.logs.formats import read_log
+    from mathnavi.sim.logs.recorded_log import Channel, RecordedLog
     from mathnavi.sim.plugin.registry import PluginSpec
     from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate, smoother
 
@@ -99,6 +101,9 @@ _PLACES = {
     "estimate": "sim.records.sensor_log",
     "smoother": "sim.records.sensor_log",
     "SensorLog": "sim.records.sensor_log",
+    "read_log": "sim.logs.formats",
+    "RecordedLog": "sim.logs.recorded_log",
+    "Channel": "sim.logs.recorded_log",
     "EstimateHistory": "sim.records.sensor_log",
     "RangingMission": "models.unicycle.mission",
     "RangeQuality": "models.unicycle.quality",
@@ -174,6 +179,9 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "estimate",
     "smoother",
     "SensorLog",
+    "read_log",
+    "RecordedLog",
+    "Channel",
     "EstimateHistory",
     "RangingMission",
     "RangeQuality",

@@ -5,7 +5,7 @@ from __future__ import annotations
 COMMANDS = {
     "list": (
         "mathnavi.commands.listing",
-        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains, drawings",
+        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains, drawings, logs",
     ),
     "run": ("mathnavi.commands.run", "fly a scenario and write its log, summary, video and report"),
     "sweep": (
@@ -29,6 +29,7 @@ COMMANDS = {
         "a folder with a vehicle, planner, observer, scenario or terrain of yours, which runs at once",
     ),
     "check": ("mathnavi.commands.check", "what fits of a model or a plug-in, and what is missing, before a run"),
+    "log": ("mathnavi.commands.log", "what is in a log of others: channels, rates, gaps, ranges"),
     "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),
     "completion": ("mathnavi.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
 }
@@ -48,6 +49,7 @@ OPTIONS = {  # dataclass of a command's own flags
     "check": "mathnavi.commands.check:CheckOptions",
     "store show": "mathnavi.commands.store:StoreShowOptions",
     "store export": "mathnavi.commands.store:StoreExportOptions",
+    "log show": "mathnavi.commands.log:LogShowOptions",
     "terrain import": "mathnavi.commands.terrain:TerrainImportOptions",
     "terrain show": "mathnavi.commands.terrain:TerrainShowOptions",
 }

@@ -91,14 +91,14 @@ def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: An
 def available(kind: str) -> tuple[str, ...]:
     """Return the names of all installed plug-ins of a kind.
 
-    Kinds are "scenarios", "controllers", "estimators", "consensus", "studies", "terrains" and "drawings".
+    Kinds are "scenarios", "controllers", "estimators", "consensus", "studies", "terrains", "drawings" and "logs".
 
     Raises FieldError for another kind.
     """
     try:
         return names(kind)
     except KeyError:
-        kinds = "scenarios, controllers, estimators, consensus, studies, terrains, drawings"
+        kinds = "scenarios, controllers, estimators, consensus, studies, terrains, drawings, logs"
         raise FieldError(f"kind = {kind!r}; allowed: {kinds}") from None
 
 

@@ -171,7 +171,8 @@ class RecordedLog:
             rows[np.searchsorted(t, own[kept])] = values[kept]
             found[name] = rows
         acting = None if held is None else held[1][np.searchsorted(held[0], t, side="right") - 1]
-        return SensorLog(t, found, acting, self.source, self.start, tuple(notes), quaternions)
+        unlike = tuple(dict.fromkeys(notes))  # sensors that share a channel say the same
+        return SensorLog(t, found, acting, self.source, self.start, unlike, quaternions)
 
     def _part(
         self, sensor: str, wanted: str | Sequence[str], units: Mapping[tuple[str, int], float], disorder: Disorder,

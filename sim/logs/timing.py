@@ -12,7 +12,7 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 
-GAP = 2.5
+GAP = 1.5
 """periods between two readings from which on some are missing"""
 
 

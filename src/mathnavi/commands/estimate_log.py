@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
-import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from rich.console import Console
 
+from mathnavi.commands.advised_flags import as_flags
 from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin, print_note, worded
@@ -33,8 +32,6 @@ from mathnavi.sim.records.files import npz_bytes
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
 ARRAYS, TABLE = "estimates.npz", "estimates.csv"
-_ADVISED = "sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units|trust_units"
-_ARGUMENT = re.compile(rf"\b({_ADVISED})=(\{{.*?\}}|\[.*?\]|'.*?'|\w+)")
 
 
 @configuration
@@ -93,7 +90,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
                 print_note(errors, f"{path}: {note}")
             found = estimate(PluginSpec(plugin, fields), mission, log, trust_units=options.trust_units)
         except (ValueError, OSError) as error:
-            raise BadInputError(_with_flags(with_flag(worded(error), known))) from error
+            raise BadInputError(as_flags(with_flag(worded(error), known))) from error
         write_together(dict(zip(files, _contents(found, log), strict=True)))
     print(found)
     print(f"estimates  {out}")
@@ -125,23 +122,6 @@ def _pairs(flag: str, words: Sequence[str]) -> dict[str, str]:
             raise BadInputError(f"{flag} = {word}: {name} is given twice; allowed: once")
         pairs[name] = value
     return pairs
-
-
-def _with_flags(message: str) -> str:
-    """Return a message with flags in place of the arguments that it advises: --sep ';' for sep=';'."""
-    return _ARGUMENT.sub(lambda found: f"--{found[1].replace('_', '-')} {_as_words(found[2])}".rstrip(), message)
-
-
-def _as_words(value: str) -> str:
-    """Return the words that give what Python's notation of a text, a list or a mapping expresses."""
-    if value.startswith("{"):
-        name, _, unit = value[1:-1].partition(": ")
-        return f"{shlex.quote(name.strip(chr(39)))}={unit.strip(chr(39))}"
-    if value.startswith("["):
-        return value[1:-1]
-    if value == "True":  # of a flag that is yes or no
-        return ""
-    return shlex.quote(value.strip("'"))
 
 
 def _contents(found: EstimateHistory, log: SensorLog) -> tuple[bytes, bytes]:

@@ -13,8 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from mathnavi.commands.advised_flags import as_flags
 from mathnavi.commands.arguments import FlagGroup, given, parse
-from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin
+from mathnavi.commands.errors import BadInputError, bad_plugin, worded
 from mathnavi.commands.wrapping import wrapped
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.field_table import Positional
@@ -62,22 +63,29 @@ def main(argv: Sequence[str]) -> int:
     groups = FlagGroup(LogShowOptions), FlagGroup(plugin.Config, default=plugin.Config())
     purpose = "Print what is in a log: channels, stamps, gaps, ranges."
     options, config = parse(words, "mathnavi log show", purpose, *groups)
-    with bad_input():
+    try:
         log = read(options.file, PluginSpec(plugin, config))
+    except (ValueError, OSError) as error:
+        raise BadInputError(as_flags(worded(error))) from error
     _print(log, facts=options.facts)
     return 0
 
 
 def _format(words: Sequence[str]) -> Any:
-    """The plug-in that is named, or the one of the file's format."""
-    with bad_plugin(), bad_input():
+    """The plug-in that is named, or the one of the file's format; for help without a file that of tables."""
+    with bad_plugin():
         if FORMAT in given(words):
             place = next(k for k, word in enumerate(words) if word.partition("=")[0] == FORMAT)
             named = words[place].partition("=")[2] or next(iter(words[place + 1 :]), "")
-            return load(KIND, named)
-        if not words or words[0].startswith("-"):
-            raise BadInputError("FILE is missing; allowed: a log, before the flags")
+            return load(KIND, named or "table")  # without a value it is refused with the other flags
+        if {*words} & {"-h", "--help"} and words[0].startswith("-"):
+            return load(KIND, "table")
+    if not words or words[0].startswith("-"):
+        raise BadInputError("FILE is missing; allowed: a log, before the flags")
+    try:
         return format_of(Path(words[0]))
+    except (ValueError, OSError) as error:
+        raise BadInputError(as_flags(worded(error))) from error
 
 
 @dataclass(frozen=True)

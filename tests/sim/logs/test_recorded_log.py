@@ -79,7 +79,7 @@ def test_stamps_that_do_not_increase_are_refused_with_their_place_or_sorted_and_
         "robot.log: channel 'wheels' has 1 stamp before an earlier one, the first is number 2, 0.1 s after 0.2 s, and "
         "1 stamp that an earlier reading has; disorder='sort' sorts them"
     )
-    found = recorded.sensor_log(readings={"odometry": "v"}, disorder="sort")
+    found = recorded.sensor_log(readings={"odometry": "v", "speed": "v"}, disorder="sort")
     assert (found.t.tolist(), found.readings["odometry"].ravel().tolist()) == ([0.0, 0.1, 0.2], [0.0, 2.0, 1.0])
     assert found.notes == (
         "wheels: 1 stamp before an earlier one, sorted",

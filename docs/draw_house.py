@@ -40,6 +40,7 @@ PURPOSE = {
     "sim.environments": "dm_env, Gymnasium, batches",
     "sim.scenarios": "closed-loop missions",
     "sim.metrics": "figures of a run",
+    "sim.logs": "logs of others, as recorded",
     "sim.records": "run folders, store, claims",
     "sim.engine": "loop, plants, faults, network",
     "sim.plugin": "what is installed",

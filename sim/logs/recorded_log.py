@@ -51,7 +51,7 @@ class Channel:
 
     @property
     def timing(self) -> Timing:
-        """What the stamps say."""
+        """Rate, gaps and disorder of the stamps."""
         return timing_of(self.t)
 
 
@@ -131,7 +131,7 @@ class RecordedLog:
         Args:
             readings: signals of each sensor by its name, "channel:signal", "signal" where no other channel has one of
                 that name, or "channel" for all of its signals; those of one sensor have the same stamps.
-            inputs: signals of the input, likewise. Each acts from its stamp until the next one.
+            inputs: signals of the input, named in the same way. Each acts from its stamp until the next one.
             units: units of signals by their names, as "deg"; those that the file states, else SI units, if not given.
             disorder: "refuse" stamps that do not increase; "sort" readings by their stamps, the first of those with the
                 same one.

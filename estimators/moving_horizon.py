@@ -4,7 +4,8 @@ The models are those of the Kalman filters ``range_ekf``, ``missile_kalman``, ``
 their standard fields; see ``mathnavi.estimators.stagewise.horizon`` for the method. Every failure is a status: if the
 programme was not solved the estimate is the prediction, with ``SOLVER_FAILED``; if no reading has agreed with the
 estimate for the timeout, or its state cannot be propagated, the status is ``LOST``, and in the latter case the
-estimator starts again at the next reading.
+estimator starts again at the next reading. Predictions are tested by the readings that follow, as those of the Kalman
+filters are: of the missile and the flight by ``integrity.innovations``, of mechanisms the noise of their readings.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Interval
 
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.kalman import Kalman, KalmanConfig
 from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
-from mathnavi.estimators.stagewise.model import CountedModel, StageBuilder
+from mathnavi.estimators.stagewise.model import CountedModel, SmootherStage, StageBuilder
 from mathnavi.estimators.timeout_monitor import FARTHEST, InnovationMean, TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.possible import possible_or_lost
 from mathnavi.estimators.velocity.reading_errors import ReadingErrors
@@ -76,6 +78,10 @@ class MovingHorizonEstimator:
         self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
         self._errors: ReadingErrors | None = getattr(model, "reading_errors", None)  # of positions
+        self._monitor: InnovationMonitor | None = None  # a robot that reads ranges has one for each of them
+        if isinstance(mission, MissileMission | FlightMission):
+            what = "fixes" if isinstance(mission, FlightMission) else "readings"
+            self._monitor = InnovationMonitor(what, model.rows, interval)
 
     @staticmethod
     def build(config: MovingHorizonConfig, mission: HorizonMission) -> Estimator:
@@ -165,6 +171,7 @@ class MovingHorizonEstimator:
         try:
             for stage in self._builder.add(t, measurements, command):
                 horizon.add(stage)
+                self._test(stage)
                 agreed = bool(stage.readings) and horizon.started and not horizon.failure and horizon.agrees
                 if agreed:
                     fits = self._residuals.fits(np.square(horizon.residual), self._timeout_monitor.converged)
@@ -187,10 +194,23 @@ class MovingHorizonEstimator:
             status = Status.LOST
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
         extra = {"deviation": deviation, **self._model.extra(self._unknown), **self._counts.extra}
-        estimate = Estimate(t, x, covariance, status, extra, waiting(status, "readings that agree"))
+        message = waiting(status, "readings that agree")
+        if self._monitor is not None:
+            status, extra["integrity"] = worst(status, self._monitor.status(t)), np.array([self._monitor.ratio])
+            covariance = None if covariance is None else self._monitor.inflation * covariance
+            message = message or self._monitor.message
+        estimate = Estimate(t, x, covariance, status, extra, message)
         if self._errors is not None:
             estimate = self._errors.doubted(estimate)
         return possible_or_lost(self._mission, estimate)
+
+    def _test(self, stage: SmootherStage) -> None:
+        """Test what was predicted for the readings of a stage."""
+        for y, predicted in zip(stage.readings, self._horizon.predicted, strict=False):
+            if self._errors is not None:
+                self._errors.expect(y, predicted.x[: len(y)])
+            if self._monitor is not None and len(predicted.r) == self._model.rows:
+                self._monitor.note(stage.t, predicted.r, predicted.S, np.eye(len(predicted.r)))
 
     def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Count the readings that are not used."""

@@ -8,10 +8,9 @@ refuses. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
     -> LOST             after four readings in a row that are each off by more than chance allows, one in 1e9
     LOST -> DEGRADED    after 5 s with readings and without an alarm
 
-Innovations also say how much larger they are than declared, and sooner than an alarm: where sum w'w is beyond
-chi2_c(0.001) in a window, r, the largest over the windows of sum w'w / chi2_c(0.1), is a lower bound of it. All of it
-is put to the motion: the covariance of the estimate is larger by (r s_S - s_R) / (s_S - s_R), the s being the traces of
-S and R, and after an alarm by the greatest such factor since.
+Innovations also say how much larger they are than declared, and sooner than an alarm: the covariance of the estimate is
+larger by the factor of ``excess``, from the sums of w'w and the traces of S and R, and after an alarm by the greatest
+such factor since.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ import math
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.estimators.integrity.excess import chances, factor_of
 from mathnavi.estimators.integrity.windows import ENERGY, MEAN, Thresholds, Windows
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -29,7 +29,6 @@ _WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
 _LATCHED, _FOUND = 20.0, 5.0  # [s] without an alarm until the estimate is OK again, and until it is no longer lost
 _GAP = 2.1  # intervals between two readings, of which one is missing, with some jitter
 _CHANCE, _IN_A_ROW = 1e-9, 4
-_LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
 _WORDS = {MEAN: "their mean", ENERGY: "their spread"}
 
 
@@ -43,8 +42,7 @@ class InnovationMonitor:
         self._windows = Windows(self._thresholds, components)
         self._every = np.ones(components, dtype=bool)
         self._outlier = float(chdtri(components, _CHANCE))
-        freedom = np.arange(1, int(self._thresholds.lengths[-1]) * components + 1)
-        self._likely, self._unlikely = (np.append(math.inf, chdtri(freedom, level)) for level in (_LIKELY, _UNLIKELY))
+        self._chances = chances(int(self._thresholds.lengths[-1]) * components)
         self._far = 0  # readings in a row that are off
         self._alarmed = self._lost = -math.inf  # [s] last time, later by the gaps since
         self._interval, self._t = interval, -math.inf  # [s] between readings; [s] of the newest
@@ -78,9 +76,12 @@ class InnovationMonitor:
         elif worst.ratio > 1.0:
             self._alarmed = t
             self.message = f"disagrees with its {self._what}: {_WORDS.get(worst.test, 'all together')}"
-        excess, whole, own = self._excess(), float(np.trace(S)), float(np.trace(R))
-        least = self.inflation if t - self._alarmed < _LATCHED else 1.0
-        self.inflation = max(least, (excess * whole - own) / max(whole - own, 1e-12 * whole))
+        windows, joint, own = self._windows, (3 * self._m, 3 * self._m + 1), float(np.trace(R))
+        by_motion = max(float(np.trace(S)) - own, 0.0)
+        found = factor_of(
+            windows.sums, windows.k, joint, self._thresholds.lengths, windows.kappa, *self._chances, by_motion, own
+        )
+        self.inflation = max(found, self.inflation) if t - self._alarmed < _LATCHED else found
 
     def note_state(self, t: float, square: float, what: str) -> None:
         """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with
@@ -106,10 +107,3 @@ class InnovationMonitor:
             return Status.DEGRADED
         self.message = ""
         return Status.OK
-
-    def _excess(self) -> float:
-        """r: by how much the innovations are larger than declared, at least; 1 where that may be chance."""
-        sums = [self._windows.joint(int(length)) for length in self._thresholds.lengths]
-        if not any(squares > self._unlikely[count] for squares, count in sums):
-            return 1.0
-        return max(1.0, *(squares / float(self._likely[count]) for squares, count in sums))

@@ -23,6 +23,17 @@ zero if that is negative,
     P <- P + max(q - q_0, 0) dt diag(w_1, w_1, w_2 c_phi^2, c_b^2),   q between a least and a most value,
 
 and weights w of mean one that are greater while the wheels change their speed (``feasible_set_bank``).
+
+**An odometry whose scale is not as declared.** A hypothesis that does not know its scale error b fits nearly any pose,
+so that its filter takes b as declared. What it would know with a prior of deviation sigma_0, mean m and variance M of
+b, follows from its own x_4 and P_44 before (-) and after (+) an update (Friedland, 1969), for what readings say of b
+does not depend on the prior:
+
+    1 / M <- 1 / M + (1 / P_44+ - 1 / P_44-),   m / M <- m / M + (x_4+ / P_44+ - x_4- / P_44-),
+
+and a pose is off by V b, V = P_14 / P_44 (3,), per scale error that the filter does not know of. Second moments of its
+error are P + V V' (M - P_44 + (m - x_4)^2): a margin that the readings narrow. What slip adds to P_44 is of a scale
+that has been so all the time: P_14 grows with it, so that V stays.
 """
 
 from __future__ import annotations
@@ -62,6 +73,7 @@ GRIP = 2e-6  # [m^2/s] q_0
 _ADAPTATION = 0.15  # eta
 _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
+_UNDECLARED, _DECLARED = 0.02, 1e-4  # least deviations of b: sigma_0, as wheels are made; and of a filter, not zero
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
 
@@ -77,6 +89,7 @@ class Hypotheses(NamedTuple):
     mean: Array  # (K, l) m
     recent: Array  # (K, l, WINDOW) last residuals of each ray over their declared deviation
     readings: Integers  # (K, l) number of readings of each ray
+    scale: Array  # (K, 2) m, M
 
 
 class Scoring(NamedTuple):
@@ -105,7 +118,14 @@ def no_hypotheses(count: int, rays: int, window: int) -> Hypotheses:
         np.zeros((count, rays)),
         np.zeros((count, rays, window)),
         np.zeros((count, rays), np.int64),
+        np.tile([0.0, _UNDECLARED**2], (count, 1)),
     )
+
+
+def declare_scale(bank: Hypotheses, count: int, deviation: float) -> None:
+    """Begin with a scale error of the declared ``deviation`` in the first ``count`` hypotheses, in place."""
+    bank.P[:count, 3, 3] = max(deviation, _DECLARED) ** 2
+    bank.scale[:count] = 0.0, max(deviation, _UNDECLARED) ** 2
 
 
 @njit(cache=True, nogil=True)
@@ -121,7 +141,8 @@ def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: floa
         P[0, 0] += q * weights[0]
         P[1, 1] += q * weights[0]
         P[2, 2] += q * weights[1] * BY_HEADING**2
-        P[3, 3] += q * _BY_SCALE**2
+        _release_scale(P, q * _BY_SCALE**2)
+        bank.scale[k, 1] += q * _BY_SCALE**2
 
 
 @njit(cache=True, nogil=True)
@@ -151,7 +172,9 @@ def condition_each(
     for k in range(len(score)):
         if math.isnan(score[k]):
             continue
+        b, P_44 = bank.x[k, 3], bank.P[k, 3, 3]
         likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)
+        _learn_scale(bank.scale[k], b, P_44, bank.x[k, 3], bank.P[k, 3, 3])
         score[k] = scoring.forgetting * score[k] + likelihood
         if rays > 0:
             misfit[k] = scoring.memory * misfit[k] + (1.0 - scoring.memory) * nis / rays
@@ -191,6 +214,41 @@ def _slip(q: float, mean: Array, innovations: Innovations) -> float:
 
 
 @njit(cache=True, nogil=True)
+def _release_scale(P: Array, variance: float) -> None:
+    """Add a ``variance`` to that of b in P (4, 4), in place: of a scale that has been so all the time."""
+    if variance == 0.0:
+        return
+    share = 1.0 + variance / P[3, 3]
+    for i in range(3):
+        for j in range(3):
+            P[i, j] += (share - 1.0) * P[i, 3] * P[j, 3] / P[3, 3]
+    for i in range(3):
+        P[i, 3] *= share
+        P[3, i] *= share
+    P[3, 3] *= share
+
+
+@njit(cache=True, nogil=True)
+def _learn_scale(scale: Array, b: float, P: float, b_after: float, P_after: float) -> None:
+    """Update m and M (2,) in place by an update from b, of variance P, to those ``after`` it."""
+    m, M = scale[0], scale[1]
+    scale[1] = 1.0 / (1.0 / M + max(1.0 / P_after - 1.0 / P, 0.0))
+    scale[0] = scale[1] * (m / M + b_after / P_after - b / P)
+
+
+@njit(cache=True, nogil=True)
+def covariance_of(bank: Hypotheses, k: int) -> Array:
+    """Second moments (3, 3) of the error of hypothesis k, with what its scale may be off by."""
+    b, P, (m, M) = bank.x[k, 3], bank.P[k], bank.scale[k]
+    more = max(M - P[3, 3] + (m - b) ** 2, 0.0) / P[3, 3] ** 2
+    moments = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            moments[i, j] = 0.5 * (P[i, j] + P[j, i]) + more * P[i, 3] * P[j, 3]
+    return moments
+
+
+@njit(cache=True, nogil=True)
 def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> None:
     """Drop, in place, the hypotheses that are too unlikely, and the twins of the best one under the symmetry."""
     x, P, score = bank.x, bank.P, bank.score
@@ -217,7 +275,7 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
 
 # Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
 WALL = combined(TWO_READ, TWO_READ)
-HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, types.int64))
+HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, types.int64), TWO)
 SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, types.float64, types.float64)
 SUMS = named(NoiseSums, ONE, ONE)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
@@ -228,6 +286,7 @@ KERNELS: tuple[Signature, ...] = (
     (expected_ranges, (WALL, ONE, ONE)),
     (predict_each, (HYPOTHESES, ONE, ONE, WALL, types.float64, ONE)),
     (move, (ONE, ONE, WALL, types.float64)),
+    (covariance_of, (HYPOTHESES, types.int64)),
     (drop, (HYPOTHESES, types.int64, SCORING, combined(types.int64, types.float64, types.float64))),
     (noise_of, (SUMS,)),
     (select_ranges, (ONE, types.float64, ONE)),

@@ -16,7 +16,8 @@ less than twice that of all others together, the readings do not distinguish the
 ``INITIALISING``, and ``extra`` has all poses with their weights.
 
 **Noise, outliers and slip** need not be as declared: the bank estimates the scale of the ranges' noise and the share of
-outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs.
+outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs. What a scale of the odometry
+that is not as declared may have done to the pose is part of the covariance, until the readings tell how much it is.
 
 **Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s
 or by more slip than wheels have: the robot was carried away, or no hypothesis was near the truth. Then new hypotheses
@@ -57,6 +58,8 @@ from mathnavi.estimators.ranging.bank_kernels import (
     MOST_SLIP,
     Scoring,
     condition_each,
+    covariance_of,
+    declare_scale,
     drop,
     no_hypotheses,
     predict_each,
@@ -183,6 +186,7 @@ class FeasibleSetBank:
         self._slip_weight = SlipWeight()
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
+            declare_scale(self._bank, 1, self._model.scale)
             self._bank.score[0] = 0.0
 
     @staticmethod
@@ -298,6 +302,7 @@ class FeasibleSetBank:
                 values[last] = values[self._best]
             count = min(count, last)
         bank.x[:count], bank.P[:count] = states[:count], self._model.covariance(self._config.deviation)
+        declare_scale(bank, count, self._model.scale)
         bank.mean[:count], bank.readings[:count] = 0.0, 0
         bank.misfit[:], bank.slip[:] = 1.0, slip
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
@@ -352,7 +357,7 @@ class FeasibleSetBank:
         }
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra, self._waits_to_start())
-        P = 0.5 * (bank.P[best, :3, :3] + bank.P[best, :3, :3].T)
+        P = covariance_of(bank, best)
         is_known = weights[best] >= _TWICE * (1.0 - weights[best])
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
         message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"

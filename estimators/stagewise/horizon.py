@@ -133,6 +133,17 @@ class _Node:
     spread: Array | None = None  # predicted deviations of a new reading's residuals, in theirs
 
 
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """Prediction for a reading: the state x, the innovation r (k,) in deviations of the reading, and its covariance S
+    (k, k).
+    """
+
+    x: Array
+    r: Array
+    S: Array
+
+
 class MovingHorizon:
     """Window of ``stages`` stages of a model; ``x`` and ``P`` are the state and its covariance at the newest."""
 
@@ -145,6 +156,8 @@ class MovingHorizon:
         self._scale: Array  # (d,) of the errors
         self.P = np.full((model.size, model.size), np.nan)
         self.failure = ""  # the solver's message, where the last programme was not solved
+        self.predicted: list[Predicted] = []
+        """what the stages before said of each reading of the last stage"""
         self.residual = np.empty(0)  # (k,) of the newest reading, in standard deviations
         self.agrees = False  # whether half of the newest reading's components agree with the estimate
 
@@ -167,6 +180,7 @@ class MovingHorizon:
 
         Raises LinAlgError, ArithmeticError or the model's own errors if the state cannot be propagated.
         """
+        self.predicted = []
         for k, reading in enumerate(stage.readings or (None,)):
             self._add(SmootherStage(stage.t, () if k else stage.inputs, () if reading is None else (reading,)))
 
@@ -309,8 +323,11 @@ class MovingHorizon:
         return root * r, root[:, np.newaxis] * W
 
     def _spread(self, stage: SmootherStage) -> Array:
-        _, W = residuals(self._model, self._nodes[-1].x, stage.readings)
-        spread: Array = np.sqrt(1.0 + np.einsum("ij,jk,ik->i", W, self.P, W))
+        x = self._nodes[-1].x
+        r, W = residuals(self._model, x, stage.readings)
+        S = np.eye(len(r)) + W @ self.P @ W.T
+        self.predicted.append(Predicted(x, r, S))
+        spread: Array = np.sqrt(S.diagonal())
         return spread
 
     def _relinearise(self, node: _Node, before: _Node) -> None:

@@ -20,9 +20,8 @@ whatever the model. Its low-pass z over one and over sixteen times the memory of
 of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than
 s / 2, the estimate says nothing of the velocity, and is LOST.
 
-The spread of innovations also says by how much they are larger than declared, at least, and sooner than an alarm does:
-r_i, the largest sum e_i^2 / chi2_c(0.1) over the windows, where one is beyond chi2_c(0.001). All of it is put to the
-prediction: variances are larger by (r (P + R) - R) / P.
+The spread of the innovations of a coordinate also says by how much the variances of its position and its velocity are
+larger than declared, at least, and sooner than an alarm does (``mathnavi.estimators.integrity.excess``).
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import chdtri
 
+from mathnavi.estimators.integrity.excess import chances, factor_of
 from mathnavi.estimators.integrity.windows import CLIP, ENERGY, MEAN, NOTHING, Thresholds, Windows, add, worst_of
 from mathnavi.estimators.velocity.gain_covariance import Residual
 from mathnavi.interfaces.compiled import njit
@@ -45,7 +44,6 @@ _KAPPA = 1.2  # variance of innovations over the declared one: gains are not opt
 _HELD = 1.0  # [s] for which an alarm lasts
 _EARLIEST, _READINGS = 0.25, 50  # [s] and readings after a start from which on there are tests, at least
 _LATEST = 2.0  # [s] likewise, at most: the variance of a prediction has the errors of a start
-_LIKELY, _UNLIKELY = 0.1, 1e-3  # levels of what the innovations exceed by chance
 _SLOWER_FAST, _SLOWER_SLOW = 1.0, 16.0  # times the memory 1 / alpha of a law, of the two low-passes
 _BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise explains
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
@@ -53,7 +51,6 @@ _NOTHING = 1e-3  # of the greatest speed, below which an error is none
 _RESTING, _SLOWEST = 0.01, 0.1  # of speed_max, and [rad/s, m/s]: the greatest speed of a system at rest, at most
 _VISIBLE, _LASTING = 0.01, 0.25  # of the greatest speed, of an error that matters, and [s] after it was seen
 _ROUNDING = 1e-18  # [rad^2, m^2] of the numbers: a system at rest that is read exactly has no other error
-_LARGEST = 1e6  # of a factor of variances
 _WORDS = {MEAN: "mean", ENERGY: "spread"}
 
 
@@ -68,8 +65,7 @@ class InnovationTests:
         ]
         self._thresholds = Thresholds.of(n, mission.period, _WINDOWS, further=1)
         self._windows = Windows(self._thresholds, n, _KAPPA + CLIP**2 * mission.reading.jump)
-        freedom = np.arange(1, int(self._thresholds.lengths[-1]) + 1)
-        self._likely, self._unlikely = (np.append(math.inf, chdtri(freedom, level)) for level in (_LIKELY, _UNLIKELY))
+        self._chances = chances(int(self._thresholds.lengths[-1]))
         settles = settling if math.isfinite(settling) else 0.0
         self._grace = max(min(settles, _LATEST), _EARLIEST, _READINGS * mission.period)
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
@@ -103,7 +99,7 @@ class InnovationTests:
             residual.value, residual.variance, residual.gain, *noise, rate, self._starts, h, self._speed,
             self._resting, residual.used, tested,
             self._e, self._z, self._variance, self.shown, self.factor,
-            windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, self._likely, self._unlikely,
+            windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, *self._chances,
         )  # fmt: skip
         if most > _VISIBLE * self._speed:
             self._seen = t
@@ -219,17 +215,6 @@ def note(
         return speed, most, 0.0, NOTHING, -1
     add(sums, k, e, np.full(n, np.nan))
     ratio, test, channel = worst_of(sums, k + 1, np.ones(n, dtype=np.bool_), lengths, kappa, z_limit, energy)
-    size = len(sums)
-    now = sums[(k + 1) % size]
     for i in range(n):
-        found, beyond_chance = 1.0, False
-        for length in lengths:
-            then = sums[(k + 1 - min(length, k + 1)) % size]
-            count = int(now[2 * n + i] - then[2 * n + i] + 0.5)
-            squares = (now[n + i] - then[n + i]) / kappa
-            if count > 0:
-                found = max(found, squares / likely[count])
-                beyond_chance = beyond_chance or squares > unlikely[count]
-        if beyond_chance and found > 1.0:
-            factor[i] = min((found * (P[i] + R[i]) - R[i]) / max(P[i], 1e-30), _LARGEST)
+        factor[i] = factor_of(sums, k + 1, (n + i, 2 * n + i), lengths, kappa, likely, unlikely, P[i], R[i])
     return speed, most, ratio, test, channel

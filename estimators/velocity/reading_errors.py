@@ -99,6 +99,7 @@ class ReadingErrors:
         self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
         self._smooth, self._predicted = np.zeros(n), np.zeros(n)  # means of r^2 / c and of L^2
         self._count, self._innovations = 0, 0
+        self._newest: Array | None = None  # (n,) r / sqrt(c) of the last reading
         self._was_known = False
         self.variance, self.steps = np.zeros(n), np.zeros(n)
         """variances (n,) [rad^2, m^2] and steps (n,) [rad, m] that were found; 0 where they are not known yet"""
@@ -137,7 +138,8 @@ class ReadingErrors:
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
         """Take a reading y (size,) of t [s] and the position (size,) that was predicted for it, if it was.
 
-        Returns True if ``variance`` and ``steps`` have changed, by as much as matters.
+        An estimator that predicts it later calls ``expect`` then. Returns True if ``variance`` and ``steps`` have
+        changed, by as much as matters.
         """
         past = self._past
         if past and (t <= past[-1][0] or innovation(self._manifold, past[-1][1], y) is None):
@@ -145,21 +147,31 @@ class ReadingErrors:
         if past and not self.declared:
             self._encoders.read(y[self._places] - past[-1][1][self._places])
         r = self._residual(t, y) if len(past) == _POINTS else None
-        L = None if predicted is None else innovation(self._manifold, predicted, y)
         past.append((t, y))
+        self._newest = r
         if r is None:
             return False
         self._count += 1
+        if not self.declared:
+            _mean(self._smooth, r, self._count)
+        if predicted is not None:
+            self.expect(y, predicted)
         if self.declared:
-            self._test(y, r, L)
             return False
-        _mean(self._smooth, r, self._count)
-        if L is not None:
-            self._innovations += 1
-            _mean(self._predicted, L, self._innovations)
         due = self._count % _FEWEST == 0 or (self.known and not self._was_known)
         self._was_known = self.known
         return due and self._learn()
+
+    def expect(self, y: Array, predicted: Array) -> None:
+        """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""
+        L = None if self._newest is None else innovation(self._manifold, predicted, y)
+        if self._newest is None or L is None:
+            return
+        if self.declared:
+            self._test(y, self._newest, L)
+        else:
+            self._innovations += 1
+            _mean(self._predicted, L, self._innovations)
 
     def _residual(self, t: float, y: Array) -> Array | None:
         """r / sqrt(c) (n,) of a reading y (size,) of t [s]; None where a reading before it has no coordinates."""
@@ -195,9 +207,9 @@ class ReadingErrors:
         self.variance, self.steps = variance, steps
         return True
 
-    def _test(self, y: Array, r: Array, L: Array | None) -> None:
+    def _test(self, y: Array, r: Array, L: Array) -> None:
         """Test what is declared by every fifth reading."""
-        if self._count % (_POINTS + 1) or L is None:
+        if self._count % (_POINTS + 1):
             return
         if self._tested is None or self._windows is None:
             rounding = np.square(rounding_steps(self._mission, y))

@@ -29,6 +29,7 @@ from mathnavi.estimators.ranging.bank_kernels import (
     Scoring,
     Symmetry,
     condition_each,
+    declare_scale,
     drop,
     no_hypotheses,
     predict_each,
@@ -266,6 +267,7 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
     poses = made.extra["hypotheses"][np.isfinite(made.extra["scores"])][:count]
     hypotheses = no_hypotheses(len(poses), mission.sensors, WINDOW)
     hypotheses.x[:, :3], hypotheses.P[:], hypotheses.score[:] = poses, model.covariance(config.deviation), 0.0
+    declare_scale(hypotheses, len(poses), model.scale)
     run = RecordedReadings(readings.ranges[n:], readings.inputs[n:], period)
     noise, innovations = declared_noise(mission.ranging.outliers), no_innovations(mission.sensors)
     quality = Quality(model.W, model.sensors(chi_square_gate(config.gate)), noise, innovations)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.invariant.inertial import InertialIekf, InertialIekfConfig
 from mathnavi.estimators.invariant.lie_groups import SE23
 from mathnavi.estimators.invariant.strapdown import propagation
-from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.kalman import Kalman
+from mathnavi.estimators.moving_horizon import MovingHorizonEstimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.quadrotor.dynamics import NOMINAL, VELOCITY
@@ -39,12 +41,12 @@ def off(estimate: Estimate, truth: Array) -> bool:
     )
 
 
-def flown(seed: int, gust: float = 1.0, late: float = 0.0) -> list[tuple[float, Estimate, Array]]:
-    """Estimates of ``kalman`` at 10 Hz with the truth, of a flight that manoeuvres for 60 s under its gusts; during the
-    fault these are ``gust`` times as strong, and fixes are ``late`` [s].
+def flown(seed: int, gust: float = 1.0, late: float = 0.0, plugin: Any = Kalman) -> list[tuple[float, Estimate, Array]]:
+    """Estimates of a ``plugin`` at 10 Hz with the truth, of a flight that manoeuvres for 60 s under its gusts; during
+    the fault these are ``gust`` times as strong, and fixes are ``late`` [s].
     """
     rng, mission, h = np.random.default_rng(seed), mission_of(GUST, 1.0), 0.01
-    estimator, x, found = Kalman.build(KalmanConfig(), mission), np.array([*mission.start, 0.0, 0.0, 0.0]), []
+    estimator, x, found = plugin.build(plugin.Config(), mission), np.array([*mission.start, 0.0, 0.0, 0.0]), []
     keep = math.exp(-h / GUST.time_constant)
     g, u = GUST.rms * rng.standard_normal(3), np.zeros(3)
     past: list[Array] = []
@@ -78,6 +80,16 @@ def test_gusts_three_times_as_strong_and_fixes_of_another_time_are_found_and_the
         variances = [[estimate.covariance[0, 0] for _, estimate, _ in each] for each in found]  # type: ignore[index]
         assert np.median([max(each[200:400]) / max(each[100:200]) for each in variances]) > 1.5
     assert found[0][-1][1].status is not Status.OK  # for 20 s after an alarm that nobody explained
+
+
+def test_predictions_of_a_moving_horizon_are_tested_as_those_of_the_filter_are() -> None:
+    honest, late = flown(0, plugin=MovingHorizonEstimator), flown(0, late=0.5, plugin=MovingHorizonEstimator)
+    assert {estimate.status for _, estimate, _ in honest} == {Status.OK}
+    assert 0.1 < max(float(estimate.extra["integrity"][0]) for _, estimate, _ in honest) < 0.95
+    first = next(t for t, estimate, _ in late if estimate.status is not Status.OK)
+    assert FAULT[0] <= first < FAULT[0] + 8.0
+    before, after = (max(late[k][1].covariance[0, 0] for k in range(*at)) for at in ((100, 200), (200, 400)))  # type: ignore[index]
+    assert after > 1.5 * before
 
 
 def test_it_is_lost_after_readings_in_a_row_that_cannot_be_and_returns_in_steps() -> None:

@@ -9,17 +9,32 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.bank_kernels import LEAST_SLIP, MOST_SLIP, no_hypotheses
+import mathnavi as mn
+from mathnavi.estimators.ranging.bank_kernels import (
+    LEAST_SLIP,
+    MOST_SLIP,
+    Scoring,
+    condition_each,
+    covariance_of,
+    declare_scale,
+    no_hypotheses,
+    predict_each,
+)
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
+from mathnavi.estimators.ranging.kalman_kernels import no_innovations
+from mathnavi.estimators.ranging.model import RangeModel
+from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise
 from mathnavi.interfaces.signals import Estimate, Status
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
+from mathnavi.studies.ranging.mismatch import honesty
 from tests.estimators.ranging.runs import with_odometry, with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven
 
 START = np.array([0.6, -0.2, 0.5])
+SCORING = Scoring(1.0, 0.9, -20.0, 0.0)
 NEARLY_ROUND = Curve(((0.0, 0.0, 0.0, 0.0), (2.2, 0.0, 0.0, 2.16), (0.03, 0.0, 0.0, 0.03)), "nearly round")
 
 
@@ -76,6 +91,41 @@ def test_odometry_that_is_off_without_being_declared_does_not_make_it_too_sure()
             assert estimate.covariance is not None
             squares.append(error @ np.linalg.solve(estimate.covariance, error))
     assert np.mean(squares) < 6.0
+
+
+@pytest.mark.parametrize("seed", [1003, 1011])
+def test_odometry_that_is_off_is_not_sure_and_wrong_in_the_first_seconds_in_which_nothing_shows_it(seed: int) -> None:
+    off = {"noise.odometry_bias": 0.0, "mismatch.odometry_bias": 0.05}
+    found = honesty(mn.run("range-localisation", seed=seed, duration=3.0, **off))
+    assert found["sure_and_wrong"] == 0.0
+    assert found["known"] > 0.9
+
+
+def test_what_is_known_of_a_scale_is_what_a_filter_of_that_prior_knows() -> None:
+    """A filter that takes the scale of its odometry as declared also says what one with a prior of 2 % would."""
+    task = dataclasses.replace(mission("4"), odometry=OdometryQuality((0.05, 0.05), 0.0))
+    true = dataclasses.replace(task, odometry=OdometryQuality((0.05, 0.05), 0.01))
+    model, rays = RangeModel(task), task.sensors
+    banks = []
+    for deviation in (0.0, 0.02):
+        bank, noise, innovations = no_hypotheses(1, rays, WINDOW), declared_noise(0.0), no_innovations(rays)
+        bank.x[0], bank.P[0], bank.score[0] = [*START, 0.0], model.covariance((0.1, 0.1, 0.1)), 0.0
+        declare_scale(bank, 1, deviation)
+        for step in list(driven(true, START, 4.0, rng=np.random.default_rng(0)))[1:]:
+            rho, u = (each.value for each in step.measurements)
+            predict_each(bank, u, model.W, model.wall, task.period, np.ones(2))
+            condition_each(bank, 0, rho, model.wall, model.sensors(20.0), noise, SCORING, innovations)
+        banks.append(bank)
+    declared, known = banks
+    m, M = declared.scale[0]
+    assert declared.P[0, 3, 3] < 1.1e-8
+    assert M < 0.5 * 0.02**2
+    np.testing.assert_allclose((m, M), (known.x[0, 3], known.P[0, 3, 3]), rtol=0.05, atol=1e-4)
+    b, P = declared.x[0, 3], declared.P[0]
+    bias = (m - b) * P[:3, 3] / P[3, 3]
+    np.testing.assert_allclose(
+        covariance_of(declared, 0) - np.outer(bias, bias), known.P[0, :3, :3], rtol=0.05, atol=1e-6
+    )
 
 
 def test_wheels_that_spin_are_noticed_and_the_pose_is_not_lost() -> None:

@@ -49,7 +49,9 @@ def observed(arm: str, method: str, y: Array, speed_max: float = 100.0, **qualit
     plugin: Any = load("estimators", method)
     estimator = plugin.build(plugin.Config(), mission)
     times = mission.period * np.arange(len(y))
-    return [estimator.update(t, [Measurement("position", t, a)], b) for t, a, b in zip(times, y, u, strict=True)]
+    return [
+        estimator.update(t, [Measurement("position", t, a)], b) for t, a, b in zip(times, y, u[: len(y)], strict=True)
+    ]
 
 
 def errors(arm: str, found: list[Estimate]) -> Array:
@@ -105,6 +107,15 @@ def test_an_estimate_is_degraded_while_its_readings_are_noisier_than_declared(me
     wrong = observed("servo-six", method, q + 1e-3 * noise, noise=2e-4)
     assert all(each.status is Status.OK for each in honest[SETTLED:])
     assert all(each.status is not Status.OK for each in wrong[SETTLED:])
+
+
+def test_a_moving_horizon_tests_the_declared_noise_too() -> None:
+    _, q, _, _ = swaying("two-link")
+    y = q[:200] + 1e-3 * np.random.default_rng(4).standard_normal(q[:200].shape)
+    honest, wrong = (observed("two-link", "moving_horizon", y, noise=noise)[-1] for noise in (1e-3, 2e-4))
+    assert honest.status is Status.OK
+    assert wrong.status is Status.DEGRADED
+    assert "noisier" in wrong.message
 
 
 def test_outliers_that_are_declared_are_no_alarm() -> None:

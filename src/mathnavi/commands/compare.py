@@ -19,7 +19,10 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
 
 OUT = Path("renders/out/comparison.html")
-DESCRIPTION = "Two runs, two sweeps or two studies side by side: what was requested, and what came out."
+DESCRIPTION = (
+    "Two runs, two sweeps or two studies side by side: what was requested, and what came out, with difference and "
+    "ratio. Signals and paths of two runs or more are compared by `mathnavi view DIR DIR... --web`."
+)
 
 Place = Annotated[Path, Positional("DIR")]
 

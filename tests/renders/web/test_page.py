@@ -147,9 +147,7 @@ def test_a_chart_says_its_value_at_the_pointer_and_zooms_to_a_stretch_of_time(pa
         seen.page.mouse.move(places[1], y)
         wanted = "Number(document.querySelectorAll('#charts figure')[1].querySelector('output').textContent)"
         own, middle = "player.charts[1].chart.series[0]", "0.5 * player.scene.duration"
-        seen.until(
-            f"Math.abs({wanted} / {own}.y[{own}.t.findIndex((t) => t > {middle})] - 1) < 0.02"
-        )
+        seen.until(f"Math.abs({wanted} / {own}.y[{own}.t.findIndex((t) => t > {middle})] - 1) < 0.02")
         seen.page.keyboard.down("Shift")
         seen.page.mouse.move(places[0], y)
         seen.page.mouse.down()

@@ -15,6 +15,7 @@ from mathnavi.sim.records.table import Table
 
 SAME = "the same in both"
 LEAST = 1e-3  # of a difference; a smaller one has a power of ten
+ROUNDING = 1e-12  # share of a figure, up to which a difference is one of rounding
 MOST = 1e6  # times as large
 LONGEST = 60  # [characters] of a value in a cell
 
@@ -63,6 +64,8 @@ def differences(left: object, right: object) -> tuple[str, str]:
         return UNKNOWN, UNKNOWN
     difference = right - left
     size = abs(difference)
+    if size <= ROUNDING * max(abs(left), abs(right)):
+        difference = size = 0
     shown = f"{size:.2g}" if 0.0 < size < LEAST else f"{size:,}" if isinstance(size, int) else number(size)
     comparable = abs(left) * MOST > abs(right)  # or the left one is round-off, if not zero
     return f"{'+' if difference > 0 else '−' * bool(size)}{shown}", f"{right / left:.3g}" if comparable else UNKNOWN

@@ -30,7 +30,7 @@ from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_s
 from mathnavi.sim.records.table import Table
 
 LEFT_OUT = ("seed", "version", SHORTFALL)  # among the fields, or in the sentence
-COLOURS, STYLES = SERIES[:2], ("-", "--")  # of the left run and the right one
+COLOURS, STYLES = (SERIES[1], SERIES[0]), ("-", "--")  # of the left run and the right one
 WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one
 ACROSS, HEIGHT, WIDTH = 3, 1.9, 9.4  # panels in a row; [inches] of a row and of a figure
 MOST_PANELS = 18

@@ -1,14 +1,16 @@
-"""Open reports in headless Chromium; fail unless each is whole, in the light and in the dark theme.
+"""Open pages in headless Chromium; fail unless each is whole, in the light and the dark theme and at three widths.
 
-Whole means: no error on the console, no exception, no request beyond the file itself, and every drawing, picture and
-3-D view shows something. The browser is controlled over a pipe by its DevTools protocol, JSON messages that end with
-NUL: https://chromedevtools.github.io/devtools-protocol/
+Whole means: no error on the console, no exception, no request beyond the file itself, every drawing, picture and 3-D
+view shows something, nothing is wider than the window, and axe-core (https://github.com/dequelabs/axe-core) finds
+nothing that is serious or critical for a reader who needs contrast, a keyboard or a screen reader. The browser is
+controlled over a pipe by its DevTools protocol, JSON messages that end with NUL: https://chromedevtools.github.io/devtools-protocol/
 """
 
 from __future__ import annotations
 
 import argparse
 import base64
+import importlib.util
 import io
 import json
 import os
@@ -30,13 +32,14 @@ FLAGS = (
     "--no-sandbox",  # root may not have one, and the pages are our own
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader",  # WebGL without a graphics card
 )  # fmt: skip
-WIDTH, PATIENCE = 1200, 120.0  # [pixels], [s] for one report
+WIDTHS, HEIGHT = (390, 768, 1440), 900  # [pixels] of a telephone, a tablet and a screen
+PATIENCE = 120.0  # [s] for one page
 LEAST_COLOURS = 2000  # in a 3-D view that shows a terrain
 
 READY = """(() => {
   document.querySelectorAll('details').forEach((part) => { part.open = true; });  // what is folded in has no size
   return document.readyState === 'complete' && [...document.images].every((image) => image.complete)
-    && (document.querySelector('#app.embedded') === null || document.body.dataset.drawn > 0);
+    && (document.querySelector('#app') === null || document.body.dataset.drawn > 0);
 })()"""
 FOUND = """(() => {
   const found = (part, drawn) => {
@@ -50,9 +53,29 @@ FOUND = """(() => {
     height: document.documentElement.scrollHeight,
     drawings: all('figure > svg', (svg) => svg.getBBox().width * svg.getBBox().height),
     pictures: all('img', (image) => image.naturalWidth),
-    views: all('#app.embedded #canvas', (canvas) => document.body.dataset.drawn && hasContext(canvas)),
+    views: all('#app:not(.flat) #canvas', (canvas) => document.body.dataset.drawn && hasContext(canvas)),
   };
 })()"""
+WIDER = """(() => {
+  const rolls = (part) => part !== null && part !== document.documentElement
+    && (part !== document.body && getComputedStyle(part).overflowX !== 'visible' || rolls(part.parentElement));
+  const over = (part) => {
+    const { left, right, width } = part.getBoundingClientRect();
+    return width > 0 && (right > innerWidth + 1 || left < -1) && !rolls(part.parentElement);
+  };
+  const named = ({ tagName, id, classList }) => [tagName.toLowerCase(), id && `#${id}`, ...classList].join(' ');
+  const found = [...document.body.querySelectorAll('*')].filter(over).map(named);
+  const { scrollWidth } = document.documentElement;
+  if (scrollWidth > innerWidth) found.unshift(`the page, ${scrollWidth} pixels`);
+  return found.slice(0, 5);
+})()"""
+AXE = """axe.run(document, { preload: false, resultTypes: ['violations'] }).then(({ violations }) => violations
+  .filter(({ impact }) => impact === 'serious' || impact === 'critical')
+  .map(({ id, impact, help, nodes }) => {
+    const contrast = ({ any }) => any[0]?.data?.contrastRatio ? ` (${any[0].data.contrastRatio})` : '';
+    const places = nodes.slice(0, 3).map((node) => node.target.join(' ') + contrast(node));
+    return `${impact}, ${id}: ${help}: ${nodes.length} times, as ${places.join('; ')}`;
+  }))"""
 
 
 class Browser:
@@ -109,8 +132,8 @@ class Browser:
         return result
 
     def value(self, expression: str) -> Any:
-        """Return the value of a JavaScript expression."""
-        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True)
+        """Return the value of a JavaScript expression, or of its promise."""
+        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(f"the page cannot be looked at: {answer['exceptionDetails']}")
         return answer["result"].get("value")
@@ -149,15 +172,29 @@ def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
     return found
 
 
+def axe() -> str:
+    """Return axe-core's script."""
+    found = importlib.util.find_spec("axe_playwright_python")
+    if found is None or found.origin is None:
+        raise SystemExit("axe-playwright-python is missing; to install it: make .venv")
+    return Path(found.origin).with_name("axe.min.js").read_text(encoding="utf-8")
+
+
+def set_width(browser: Browser, width: int) -> None:
+    """Give the window a width [pixels]; what lies in it has been drawn again when this returns."""
+    size = {"width": width, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
+    browser.ask("Emulation.setDeviceMetricsOverride", **size)
+    browser.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+
+
 def examine(
     browser: Browser, report: Path, theme: str, screenshots: Path | None, wanted: Sequence[str]
 ) -> tuple[list[str], str]:
-    """Return the faults of a report and the numbers of its parts; it must have one of each kind ``wanted`` or more."""
+    """Return the faults of a page and the numbers of its parts; it must have one of each kind ``wanted`` or more."""
     url = report.resolve().as_uri()
     browser.events.clear()
     browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
-    size = {"width": WIDTH, "height": 900, "deviceScaleFactor": 1, "mobile": False}
-    browser.ask("Emulation.setDeviceMetricsOverride", **size)
+    set_width(browser, WIDTHS[-1])
     browser.ask("Page.navigate", url=url)
     until = time.monotonic() + PATIENCE
     while not browser.value(READY) and time.monotonic() < until:
@@ -175,12 +212,20 @@ def examine(
         pixels = np.asarray(Image.open(io.BytesIO(seen)).convert("RGB")).reshape(-1, 3)
         if len(np.unique(pixels, axis=0)) < LEAST_COLOURS:
             wrong.append(f"blank: {view['name']}")
-    if screenshots is not None:
-        screenshots.mkdir(parents=True, exist_ok=True)
-        browser.ask("Emulation.setDeviceMetricsOverride", **(size | {"height": found["height"]}))
-        (screenshots / f"{report.parent.name}-{report.stem}-{theme}.png").write_bytes(browser.screenshot())
+    said = complaints(browser.events, url)
+    browser.value(f"{axe()}; true")
+    for width in WIDTHS:
+        set_width(browser, width)
+        wrong += [f"at {width} pixels wider than the window: {part}" for part in browser.value(WIDER)]
+        if width != WIDTHS[1]:  # in between nothing else is shown
+            wrong += [f"at {width} pixels {violation}" for violation in browser.value(AXE)]
+        if screenshots is not None:
+            screenshots.mkdir(parents=True, exist_ok=True)
+            height = browser.value("document.documentElement.scrollHeight")
+            picture = browser.screenshot(x=0, y=0, width=width, height=height)
+            (screenshots / f"{report.parent.name}-{report.stem}-{theme}-{width}.png").write_bytes(picture)
     counts = ", ".join(f"{len(found[kind])} {kind}" for kind in ("drawings", "pictures", "views"))
-    return complaints(browser.events, url) + wrong, counts
+    return said + wrong, counts
 
 
 def main() -> int:
@@ -188,6 +233,7 @@ def main() -> int:
     parser.add_argument("program", help="the Chromium to open the reports with")
     parser.add_argument("reports", nargs="+", type=Path, metavar="REPORT.html")
     parser.add_argument("--flat", nargs="*", default=[], type=Path, metavar="REPORT.html", help="without a terrain")
+    parser.add_argument("--scenes", nargs="*", default=[], type=Path, metavar="PAGE.html", help="of a viewer")
     parser.add_argument("--screenshots", type=Path, metavar="FOLDER", help="keep a picture of each page here")
     arguments = parser.parse_args()
     failed = False
@@ -196,8 +242,10 @@ def main() -> int:
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
         Browser(arguments.program, profile) as browser,
     ):
-        for report in (*arguments.reports, *arguments.flat):
-            wanted = ("drawings",) if report in arguments.flat else ("drawings", "views")
+        kinds = (
+            (arguments.reports, ("drawings", "views")), (arguments.flat, ("drawings",)), (arguments.scenes, ("views",)),
+        )  # fmt: skip
+        for report, wanted in ((page, parts) for pages, parts in kinds for page in pages):
             for theme in ("light", "dark"):
                 wrong, counts = examine(browser, report, theme, arguments.screenshots, wanted)
                 print(

@@ -29,6 +29,7 @@ from mathnavi.sim.records.run_folder import described
 
 GROUND = "#9a8468"
 MAP_PIXELS = 769  # along the longer side of a map's picture
+MAP_MARGIN, LEAST_PART = 0.15, 0.1  # about a part of a map, in its size; the smallest part, in sizes of the map
 LOWEST_DRAWN = 1.0  # [m] of clearance, on a log scale
 MOST_POINTS = 1500  # of a curve
 
@@ -65,17 +66,38 @@ def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[
     )  # fmt: skip
 
 
-def draw_map(axes: Axes, terrain: HeightField) -> None:
-    """The hill-shaded map in ``axes`` [km], with a bar of a round length."""
+def draw_map(axes: Axes, terrain: HeightField, within: Array | None = None) -> None:
+    """The hill-shaded map in ``axes`` [km], with a bar of a round length.
+
+    ``within`` (n, 2) [m] are places about which a part of the map is shown, with a margin; all of it by default.
+    """
     east, north = terrain.width / 1e3, terrain.depth / 1e3
-    axes.imshow(relief(terrain, MAP_PIXELS), extent=(0.0, east, 0.0, north), origin="upper")
-    axes.set(xlabel="east [km]", ylabel="north [km]", xlim=(0.0, east), ylim=(0.0, north), aspect="equal")
+    pixels = MAP_PIXELS
+    (west, east_end), (south, north_end) = (0.0, east), (0.0, north)
+    if within is not None and len(within):
+        (west, east_end), (south, north_end) = _part(within / 1e3, east, north)
+        pixels = min(int(MAP_PIXELS * min(east / (east_end - west), north / (north_end - south))), 4 * MAP_PIXELS)
+    axes.imshow(relief(terrain, pixels), extent=(0.0, east, 0.0, north), origin="upper")
+    axes.set(xlabel="east [km]", ylabel="north [km]", xlim=(west, east_end), ylim=(south, north_end), aspect="equal")
     axes.grid(False)
-    long = _round_length(0.25 * east)
-    x, y = 0.04 * east, 0.035 * north
+    wide, tall = east_end - west, north_end - south
+    long = _round_length(0.25 * wide)
+    x, y = west + 0.04 * wide, south + 0.035 * tall
     dark = [patheffects.withStroke(linewidth=4.5, foreground="#101824")]
     axes.plot([x, x + long], [y, y], color="white", lw=3.0, solid_capstyle="butt", path_effects=dark)
     name_place(axes, f"{long:g} km", (x + long / 2, y), (0, 9), "center")
+
+
+def _part(places: Array, east: float, north: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Limits from west to east and from south to north [km] of a square about places (n, 2), as far as the map goes."""
+    low, high = np.clip(places.min(axis=0), 0.0, (east, north)), np.clip(places.max(axis=0), 0.0, (east, north))
+    side = max(float((high - low).max()) * (1.0 + 2.0 * MAP_MARGIN), LEAST_PART * max(east, north))
+    limits = []
+    for middle, most in zip(0.5 * (low + high), (east, north), strict=True):
+        size = min(side, most)
+        begin = float(np.clip(middle - 0.5 * size, 0.0, most - size))
+        limits.append((begin, begin + size))
+    return limits[0], limits[1]
 
 
 def _round_length(length: float) -> float:

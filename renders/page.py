@@ -137,7 +137,9 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str
         body += f"<tr>{_cell(ROW, first, False)}{''.join(cells)}</tr>\n"
     title = f"<caption>{text(caption)}</caption>" if caption else ""
     head = f"<thead><tr>{heads}</tr></thead>" if columns else ""
-    return Markup(f'<div class="wide"><table>{title}{head}<tbody>\n{body}</tbody></table></div>\n')
+    named = f' role="group" aria-label="{text(caption)}"' if caption else ""
+    table_of = f"<table>{title}{head}<tbody>\n{body}</tbody></table>"
+    return Markup(f'<div class="wide" tabindex="0"{named}>{table_of}</div>\n')  # the keyboard moves it sideways
 
 
 def _are_numbers(column: Sequence[object]) -> bool:
@@ -181,7 +183,7 @@ def figure_block(figure: Figure, name: str, alt: str) -> Markup:
     """A drawing with its description below; ``name`` is its own on the page."""
     width = 96.0 * figure.get_size_inches()[0]
     return Markup(
-        f'<figure class="card" style="--width: {1.12 * width:.0f}">{inline_svg(figure, name, alt)}'
+        f'<figure class="card" tabindex="0" style="--width: {1.12 * width:.0f}">{inline_svg(figure, name, alt)}'
         f"<figcaption>{text(alt)}</figcaption></figure>\n"
     )
 

@@ -5,17 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from mathnavi.renders.page import UNKNOWN, Drawn, number
+from mathnavi.sim.records.folder_names import names_of
 from mathnavi.sim.records.sweep_data import format_value, is_number
 from mathnavi.sim.records.table import Table
 
-LEFT, RIGHT = "left", "right"
 SAME = "the same in both"
 LEAST = 1e-3  # of a difference; a smaller one has a power of ten
+ROUNDING = 1e-12  # share of a figure, up to which a difference is one of rounding
 MOST = 1e6  # times as large
 LONGEST = 60  # [characters] of a value in a cell
+
+Names = tuple[str, str]
+
+
+def names_of_two(left: Path, right: Path) -> Names:
+    """Return short names of two places, by which columns and curves are called."""
+    one, other = names_of([left, right])
+    return one.removesuffix(".db"), other.removesuffix(".db")
 
 
 @dataclass(frozen=True)
@@ -24,20 +34,21 @@ class Comparison:
 
     title: str
     verdict: str  # in a sentence
+    names: Names  # of both, short
     left: str  # where the one is
     right: str  # and the other
     tables: Sequence[Table]  # that with the fields that differ comes first
     draw: Callable[[], Sequence[Drawn]]  # the figures, drawn where there is a page to show them
 
 
-def differing_fields(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
+def differing_fields(left: Mapping[str, Any], right: Mapping[str, Any], names: Names) -> Table:
     """Return the fields that are not the same on both sides, in the order of the left one's."""
     rows = [
         (name, _value(left, name), _value(right, name))
         for name in dict.fromkeys([*left, *right])
         if name not in left or name not in right or left[name] != right[name]
     ]
-    return Table("Fields that differ", ("field", LEFT, RIGHT), rows or [("every field", SAME, SAME)])
+    return Table("Fields that differ", ("field", *names), rows or [("every field", SAME, SAME)])
 
 
 def _value(fields: Mapping[str, Any], name: str) -> str:
@@ -53,6 +64,8 @@ def differences(left: object, right: object) -> tuple[str, str]:
         return UNKNOWN, UNKNOWN
     difference = right - left
     size = abs(difference)
+    if size <= ROUNDING * max(abs(left), abs(right)):
+        difference = size = 0
     shown = f"{size:.2g}" if 0.0 < size < LEAST else f"{size:,}" if isinstance(size, int) else number(size)
     comparable = abs(left) * MOST > abs(right)  # or the left one is round-off, if not zero
     return f"{'+' if difference > 0 else '−' * bool(size)}{shown}", f"{right / left:.3g}" if comparable else UNKNOWN

@@ -8,7 +8,7 @@ from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.reading.files import read_text
 from mathnavi.interfaces.writing import write_text
 from mathnavi.renders import page
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison
+from mathnavi.renders.comparison.comparison import Comparison
 from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
@@ -63,7 +63,7 @@ def is_comparison(path: Path) -> bool:
 
 def report(comparison: Comparison) -> Markup:
     """Return the page's HTML."""
-    places = page.table((), [(LEFT, comparison.left), (RIGHT, comparison.right)])
+    places = page.table((), list(zip(comparison.names, (comparison.left, comparison.right), strict=True)))
     figures = page.figure_blocks(comparison.draw())
     first, *others = comparison.tables
     return page.document(

@@ -19,7 +19,7 @@ from mathnavi.interfaces.signal_names import UNNAMED, SignalNames
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
+from mathnavi.renders.comparison.comparison import Comparison, Names, differences, differing_fields, names_of_two
 from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
 from mathnavi.renders.generic.run_data import estimates
 from mathnavi.renders.page import Drawn, number
@@ -29,9 +29,8 @@ from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_signal_names
 from mathnavi.sim.records.table import Table
 
-COLUMNS = ("group", "figure", LEFT, RIGHT, "difference", "ratio")
 LEFT_OUT = ("seed", "version", SHORTFALL)  # among the fields, or in the sentence
-COLOURS, STYLES = SERIES[:2], ("-", "--")  # of the left run and the right one
+COLOURS, STYLES = (SERIES[1], SERIES[0]), ("-", "--")  # of the left run and the right one
 WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one
 ACROSS, HEIGHT, WIDTH = 3, 1.9, 9.4  # panels in a row; [inches] of a row and of a figure
 MOST_PANELS = 18
@@ -39,33 +38,31 @@ MOST_PANELS = 18
 
 def compare_runs(left: Path, right: Path) -> Comparison:
     """Compare two runs; errors as of ``read_run``, and ArgumentError for runs of different scenarios."""
-    one, other = read_run(left), read_run(right)
+    one, other, names = read_run(left), read_run(right), names_of_two(left, right)
     scenarios = one.config["scenario"], other.config["scenario"]
     if scenarios[0] != scenarios[1]:
         raise ArgumentError(f"{left} is a run of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
 
     return Comparison(
         f"{scenarios[0]}: two runs",
-        _verdict(one, other),
+        _verdict(one, other, names),
+        names,
         str(left),
         str(right),
-        [differing_fields(one.fields, other.fields), _summaries(one.summary, other.summary)],
-        lambda: run_figures(one, other),
+        [differing_fields(one.fields, other.fields, names), _summaries(one.summary, other.summary, names)],
+        lambda: run_figures(one, other, names),
     )
 
 
-def _verdict(one: ComparedRun, other: ComparedRun) -> str:
+def _verdict(one: ComparedRun, other: ComparedRun, names: Names) -> str:
     ends = [run.summary.get(SHORTFALL) for run in (one, other)]
     if ends == [None, None]:
         return "Both missions succeeded."
-    outcomes = [
-        f"the {side} one failed ({why})" if why else f"the {side} one succeeded"
-        for side, why in zip((LEFT, RIGHT), ends, strict=True)
-    ]
+    outcomes = [f"{name} failed ({why})" if why else f"{name} succeeded" for name, why in zip(names, ends, strict=True)]
     return f"Of the missions {outcomes[0]}, {outcomes[1]}."
 
 
-def _summaries(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
+def _summaries(left: Mapping[str, Any], right: Mapping[str, Any], names: Names) -> Table:
     """Return figures of the summaries in their groups; wall-clock times, which depend on the machine, are separate."""
     grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
     left_out = {*LEFT_OUT, "efficiency_basis"}
@@ -80,7 +77,7 @@ def _summaries(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
         for k, key in enumerate(group):
             one, other = left.get(key), right.get(key)
             rows.append((name * (k == 0), _named(key), number(one), number(other), *differences(one, other)))
-    return Table("Summary", COLUMNS, rows)
+    return Table("Summary", ("group", "figure", *names, "difference", "ratio"), rows)
 
 
 def _named(key: str) -> str:
@@ -147,18 +144,20 @@ def _history(log: RunLog, signals: SignalNames) -> StateHistory:
     return StateHistory(log.t, log.x, t, error[:, known], tuple(found.names[k] for k in known))
 
 
-def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
+def run_figures(left: ComparedRun, right: ComparedRun, called: Names) -> list[Drawn]:
     """Figures of both runs in one: paths, states and errors."""
     drawn: list[Drawn] = []
     ground = _ground(left, right)
     if ground is not None:
-        drawn.append(("map", _map(ground, left, right), "The paths over the terrain."))
+        drawn.append(
+            ("map", _map(ground, left, right, called), "The paths over the part of the terrain where they are.")
+        )
     if left.states != right.states or not left.states:
         return drawn
     names = left.states[:MOST_PANELS]
     more = len(left.states) - len(names)
     rest = f" The first {len(names)} of {len(left.states)} are shown." if more else ""
-    states = _panels(left, right, names, lambda history: (history.t, history.x))
+    states = _panels((left, right), called, names, lambda history: (history.t, history.x))
     drawn.append(("states", states, f"The true state over time, component by component.{rest}"))
     histories = [history for run in (left, right) for history in run.histories.values()]
     estimated = {history.estimated for history in histories if history.estimated}
@@ -166,7 +165,9 @@ def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
         (found,) = estimated
         shown = found[:MOST_PANELS]
         rest = f" The first {len(shown)} of {len(found)} are shown." if len(found) > len(shown) else ""
-        errors = _panels(left, right, shown, lambda history: (history.t_estimate, _wrapped(history.error, found)))
+        errors = _panels(
+            (left, right), called, shown, lambda history: (history.t_estimate, _wrapped(history.error, found))
+        )
         drawn.append(("errors", errors, f"The error of the estimate, component by component.{rest}"))
     return drawn
 
@@ -183,22 +184,23 @@ def _ground(left: ComparedRun, right: ComparedRun) -> HeightField | None:
     return ground if ground.digest == one["digest"] else None
 
 
-def _map(ground: HeightField, left: ComparedRun, right: ComparedRun) -> Figure:
+def _map(ground: HeightField, left: ComparedRun, right: ComparedRun, called: Names) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = canvas(7.6, 7.2)
         axes = figure.add_subplot()
-        draw_map(axes, ground)
+        flown = [history.x[:, :2] for run in (left, right) for history in run.histories.values()]
+        draw_map(axes, ground, np.vstack(flown))
         outline = [patheffects.withStroke(linewidth=3.6, foreground="white", alpha=0.85)]
-        for run, side, colour in zip((left, right), (LEFT, RIGHT), COLOURS, strict=True):
+        for run, name, colour in zip((left, right), called, COLOURS, strict=True):
             for k, history in enumerate(run.histories.values()):
                 i = thinned(len(history.t), 0)
                 x, y = history.x[i, :2].T / 1e3
-                axes.plot(x, y, color=colour, lw=2.0, label="" if k else side, path_effects=outline)
+                axes.plot(x, y, color=colour, lw=2.0, label="" if k else name, path_effects=outline)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
     return figure
 
 
-def _panels(left: ComparedRun, right: ComparedRun, names: Sequence[str], curve: Curve) -> Figure:
+def _panels(runs: Sequence[ComparedRun], called: Names, names: Sequence[str], curve: Curve) -> Figure:
     """Draw a panel for each component of the state, with the curves of both runs and of every vehicle."""
     rows = math.ceil(len(names) / ACROSS)
     with matplotlib.rc_context(STYLE):
@@ -206,14 +208,14 @@ def _panels(left: ComparedRun, right: ComparedRun, names: Sequence[str], curve: 
         cells = figure.subplots(rows, min(len(names), ACROSS), sharex=True, squeeze=False)
         for cell in cells.ravel()[len(names) :]:
             cell.remove()
-        for run, side, colour, style, width in zip((left, right), (LEFT, RIGHT), COLOURS, STYLES, WIDTHS, strict=True):
+        for run, own, colour, style, width in zip(runs, called, COLOURS, STYLES, WIDTHS, strict=True):
             for number, history in enumerate(run.histories.values()):
                 t, values = curve(history)
                 if values.shape[1] < len(names):  # a run without estimates
                     continue
                 i = thinned(len(t), 0) if len(t) else np.empty(0, dtype=np.int64)
                 for k, axes in enumerate(cells.ravel()[: len(names)]):
-                    axes.plot(t[i], values[i, k], style, color=colour, lw=width, label="" if number else side)
+                    axes.plot(t[i], values[i, k], style, color=colour, lw=width, label="" if number else own)
         for k, (axes, name) in enumerate(zip(cells.ravel(), names, strict=False)):
             axes.set_title(_readable(name), fontsize=9.0, weight="normal")
             if k + ACROSS >= len(names):

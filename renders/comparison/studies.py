@@ -10,7 +10,7 @@ from typing import Any
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.reading.files import read_json
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
+from mathnavi.renders.comparison.comparison import Comparison, differing_fields, names_of_two
 from mathnavi.renders.page import UNKNOWN
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.documents import StudyRecord
@@ -18,7 +18,6 @@ from mathnavi.sim.records.table import Table
 
 KEYS = ("study", "claims")  # by which a study's document is recognised
 
-HEADS = ("study", "claim", LEFT, RIGHT)
 MOST_NAMED = 3  # studies in a title
 
 Name = tuple[str, str]  # of a study and of its terrain, "" for none
@@ -59,6 +58,7 @@ def compare_studies(left: Path, right: Path) -> Comparison:
     if not shared:
         held, other_held = (", ".join(map(_called, names)) for names in (one, other))
         raise ArgumentError(f"{left} holds {held} and {right} {other_held}; allowed: a study in common")
+    names = names_of_two(left, right)
     pairs = [pair for name in shared for pair in _pairs(name, one[name], other[name])]
     both = [pair for pair in pairs if pair.left and pair.right]
     verdicts = [pair for pair in both if pair.changed]
@@ -74,11 +74,16 @@ def compare_studies(left: Path, right: Path) -> Comparison:
     return Comparison(
         f"studies: {', '.join(map(_called, shared)) if len(shared) <= MOST_NAMED else f'{len(shared)} in common'}",
         f"{len(verdicts)} of {len(both)} claims changed verdict{changes}.",
+        names,
         str(left),
         str(right),
         [
-            differing_fields(_fields(one, shared, other), _fields(other, shared, one)),
-            *(Table(title, HEADS, [pair.row for pair in listed]) for title, listed in lists.items() if listed),
+            differing_fields(_fields(one, shared, other), _fields(other, shared, one), names),
+            *(
+                Table(title, ("study", "claim", *names), [pair.row for pair in listed])
+                for title, listed in lists.items()
+                if listed
+            ),
         ],
         lambda: (),
     )

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
+from mathnavi.renders.comparison.comparison import Comparison, Names, differences, differing_fields, names_of_two
 from mathnavi.renders.page import UNKNOWN, Drawn
 from mathnavi.renders.statistics_figures import medians_figure, rates_figure
 from mathnavi.sim.records.figure_names import label
@@ -49,26 +49,28 @@ def compare_sweeps(left: Path, right: Path) -> Comparison:
     if scenarios[0] != scenarios[1]:
         raise ArgumentError(f"{left} is a sweep of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
     pairs = paired(one, other)
-    groups = TrialGroup(LEFT, (), one), TrialGroup(RIGHT, (), other)
+    names = names_of_two(left, right)
+    groups = TrialGroup(names[0], (), one), TrialGroup(names[1], (), other)
     tests = {name: test for records in (one, other) for name, test in Sweep(records, ()).events.items()}
     known = {name: found for name, test in tests.items() if (found := _rates(groups, test)) is not None}
-    verdicts = {name: differ(found, pairs, tests[name]) for name, found in known.items()}
+    verdicts = {name: differ(found, pairs, tests[name], names) for name, found in known.items()}
     together = Sweep([*one, *other], ())
     bands = {key: (groups[0].band(key), groups[1].band(key)) for key in (*together.figures, *together.timings)}
     clear = [name for name, verdict in verdicts.items() if verdict.startswith("yes")]
 
     def draw() -> Sequence[Drawn]:
-        return list(_figures(known, {key: bands[key] for key in together.figures}))
+        return list(_figures(names, known, {key: bands[key] for key in together.figures}))
 
     return Comparison(
         f"{scenarios[0]}: sweeps of {len(one):,} and {len(other):,} trials",
         f"Rates that differ: {', '.join(clear)}." if clear else "No rate differs clearly from the other side's.",
+        names,
         str(left),
         str(right),
         [
-            differing_fields(_fields(one), _fields(other)),
-            _rates_table(known, verdicts, len(pairs)),
-            _medians_table(bands),
+            differing_fields(_fields(one), _fields(other), names),
+            _rates_table(known, verdicts, len(pairs), names),
+            _medians_table(bands, names),
         ],
         draw,
     )
@@ -82,13 +84,13 @@ def paired(left: Sequence[Record], right: Sequence[Record]) -> list[tuple[Record
     return [(record, by_seed[1][seed]) for seed, record in by_seed[0].items() if seed in by_seed[1]]
 
 
-def differ(rates: tuple[Proportion, Proportion], pairs: Pairs, happened: Test) -> str:
+def differ(rates: tuple[Proportion, Proportion], pairs: Pairs, happened: Test, names: Names) -> str:
     """Text that says whether an event is more likely on one side."""
     known = [(one, other) for a, b in pairs if None not in (one := happened(a), other := happened(b))]
     if known:
         only_left = sum(bool(one) and not other for one, other in known)
         only_right = sum(bool(other) and not one for one, other in known)
-        counts = f"{only_left} only left, {only_right} only right"
+        counts = f"{only_left} only in {names[0]}, {only_right} only in {names[1]}"
         share = rate(only_left, only_left + only_right) if only_left + only_right else None
         return f"{'yes' if share and not share.low <= 0.5 <= share.high else 'not shown'}: {counts}"
     (low, high), (other_low, other_high) = ((found.low, found.high) for found in rates)
@@ -100,11 +102,13 @@ def _rates(groups: tuple[TrialGroup, TrialGroup], happened: Test) -> tuple[Propo
     return None if one is None or other is None else (one, other)
 
 
-def _rates_table(known: Mapping[str, tuple[Proportion, Proportion]], verdicts: Mapping[str, str], pairs: int) -> Table:
+def _rates_table(
+    known: Mapping[str, tuple[Proportion, Proportion]], verdicts: Mapping[str, str], pairs: int, names: Names
+) -> Table:
     how = f"; trials paired by their seeds: {pairs:,}" if pairs else ""
     return Table(
         f"Rates with 95 % limits (Clopper-Pearson){how}",
-        ("event", LEFT, RIGHT, "difference", "differ"),
+        ("event", *names, "difference", "differ"),
         [
             (name, one.text(), other.text(), f"{100.0 * (other.value - one.value):+.1f} %", verdicts[name])
             for name, (one, other) in known.items()
@@ -112,14 +116,14 @@ def _rates_table(known: Mapping[str, tuple[Proportion, Proportion]], verdicts: M
     )
 
 
-def _medians_table(bands: Mapping[str, tuple[Band | None, Band | None]]) -> Table:
+def _medians_table(bands: Mapping[str, tuple[Band | None, Band | None]], names: Names) -> Table:
     rows = []
     for key, (one, other) in bands.items():
         name, unit = label(key)
         medians = [band.median if band else math.nan for band in (one, other)]
         texts = [band.text() if band else UNKNOWN for band in (one, other)]
         rows.append((f"{name} [{unit}]" if unit else name, *texts, *differences(*medians), _apart(one, other)))
-    heads = ("figure", LEFT, RIGHT, "difference", "ratio", "bands")
+    heads = ("figure", *names, "difference", "ratio", "bands")
     return Table("Medians with 95 % bands (bootstrap, from six trials on)", heads, rows)
 
 
@@ -154,7 +158,9 @@ def _values(values: Sequence[Any]) -> Any:
 
 
 def _figures(
-    rates: Mapping[str, tuple[Proportion, Proportion]], bands: Mapping[str, tuple[Band | None, Band | None]]
+    names: Names,
+    rates: Mapping[str, tuple[Proportion, Proportion]],
+    bands: Mapping[str, tuple[Band | None, Band | None]],
 ) -> Iterator[Drawn]:
     undecided = {
         name: list(pair)
@@ -162,8 +168,8 @@ def _figures(
         if 0 < sum(r.events for r in pair) < sum(r.trials for r in pair)
     }
     if undecided:
-        yield "rates", rates_figure((LEFT, RIGHT), undecided), "Rates with their 95 % limits (Clopper-Pearson)."
+        yield "rates", rates_figure(names, undecided), "Rates with their 95 % limits (Clopper-Pearson)."
     both = [key for key, pair in bands.items() if None not in pair][:MOST_PANELS]
     if both:
         panels = {" ".join((name, f"[{unit}]" * bool(unit))): bands[key] for key in both for name, unit in [label(key)]}
-        yield "medians", medians_figure((LEFT, RIGHT), panels), "Medians with their 95 % bootstrap bands."
+        yield "medians", medians_figure(names, panels), "Medians with their 95 % bootstrap bands."

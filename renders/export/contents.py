@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from mathnavi.interfaces.reading.files import read_text
 from mathnavi.interfaces.signals import Array, Event
 from mathnavi.renders.generic.run_data import load_run
 from mathnavi.renders.scene.bodies import grid_faces
-from mathnavi.renders.scene.elements import INK_COLOUR, Lines, Mark, Motion, Scene, Surface
+from mathnavi.renders.scene.elements import INK_COLOUR, Chart, Lines, Mark, Motion, Scene, Surface
 from mathnavi.renders.scene.ground import ground_surfaces
 from mathnavi.renders.web.scene import read_scene
 from mathnavi.sim.records.log_channels import Channel, channels_of
@@ -50,6 +51,24 @@ def read_run(folder: Path) -> ExportedRun:
     channels = channels_of(run.vehicles, run.signals, read_activation_names(folder))
     documents = {name: read_text(folder / name, RunFolderError) for name in DOCUMENTS}
     return ExportedRun(scene, channels, run.events, run.config, documents)
+
+
+# ---- charts
+
+
+def chart_names(charts: Sequence[Chart]) -> list[str]:
+    """Return a name of each chart that no other one has: its title, with the unit where titles are the same."""
+    titles = Counter(chart.title for chart in charts)
+    named = [
+        f"{chart.title} ({chart.unit.replace('/', ' per ')})" if titles[chart.title] > 1 and chart.unit else chart.title
+        for chart in charts
+    ]
+    seen: Counter[str] = Counter()
+    found = []
+    for name in named:
+        seen[name] += 1
+        found.append(name if seen[name] == 1 else f"{name} {seen[name]}")
+    return found
 
 
 # ---- surfaces

@@ -6,7 +6,7 @@
 | ``/tf`` | ``foxglove.FrameTransforms`` | where each frame is in ``world`` |
 | ``/log`` | ``foxglove.Log`` | events |
 | ``[/VEHICLE]/truth``, ``/input``, ``/readings/NAME``, ``/estimate``, ``/plan`` | JSON | the log |
-| ``/charts/TITLE`` | JSON | the curves of the run's page |
+| ``/charts/TITLE`` | JSON | the curves of the run's page; with the unit where two charts have one title |
 | ``/events`` | JSON | events |
 
 The stamps are whole nanoseconds from the start of the run. Each JSON message also has the time as it was recorded,
@@ -30,6 +30,7 @@ from mathnavi.interfaces.signals import Array, Event
 from mathnavi.renders.export.contents import (
     ExportedRun,
     Mesh,
+    chart_names,
     marks_of,
     mesh_of,
     moments_of,
@@ -223,8 +224,8 @@ def _json_topics(run: ExportedRun) -> Iterator[tuple[str, dict[str, Any], Iterab
         }  # fmt: skip
         metadata = {"arrays": json.dumps(arrays), "vehicle": channel.vehicle}
         yield f"/{'/'.join(channel.path)}", _schema(channel), _rows(channel), metadata
-    for chart in run.scene.charts:
-        yield f"/charts/{chart.title}", _chart_schema(chart), _chart_rows(chart), {"unit": chart.unit}
+    for name, chart in zip(chart_names(run.scene.charts), run.scene.charts, strict=True):
+        yield f"/charts/{name}", _chart_schema(chart), _chart_rows(chart), {"unit": chart.unit}
     words = {name: {"type": "string"} for name in ("agent", "kind", "message")}
     yield "/events", _described("events", words), _event_rows(run.events), {}
 

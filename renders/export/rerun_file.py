@@ -23,6 +23,7 @@ from mathnavi.interfaces.extras import extra
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.export.contents import (
     ExportedRun,
+    chart_names,
     marks_of,
     mesh_of,
     moments_of,
@@ -63,8 +64,8 @@ class _Writer:
         self._write_scene()
         for channel in self._run.channels:
             self._write_channel(channel)
-        for chart in self._scene.charts:
-            self._write_chart(chart)
+        for name, chart in zip(chart_names(self._scene.charts), self._scene.charts, strict=True):
+            self._write_chart(name, chart)
         self._write_texts()
         self._out.send_blueprint(self._views())
         path.write_bytes(memory.drain_as_bytes())
@@ -151,17 +152,17 @@ class _Writer:
                 self._send(entity, channel.t, self._rr.Scalars.columns(scalars=flat).partition(lengths))
                 self._out.log(entity, self._rr.SeriesLines(names=names), static=True)
 
-    def _write_chart(self, chart: Chart) -> None:
+    def _write_chart(self, name: str, chart: Chart) -> None:
         rr = self._rr
         for series in chart.series:
-            entity = self._path(CHARTS, chart.title, series.name or chart.title)
+            entity = self._path(CHARTS, name, series.name or chart.title)
             self._send(entity, series.t, rr.Scalars.columns(scalars=series.y))
             self._out.log(
                 entity, rr.SeriesLines(colors=_rgba(series.colour), names=series.name or chart.title), static=True
             )
         t = np.array([0.0, self._scene.duration])
         for number, bound in enumerate(chart.bounds, start=1):
-            entity = self._path(CHARTS, chart.title, f"bound {number}")
+            entity = self._path(CHARTS, name, f"bound {number}")
             self._send(entity, t, rr.Scalars.columns(scalars=np.array([bound, bound])))
             self._out.log(entity, rr.SeriesLines(colors=[160, 160, 160, 255], names=f"bound {bound:g}"), static=True)
 
@@ -192,7 +193,8 @@ class _Writer:
         """The scene with its events on the left, the charts on the right."""
         rrb, scene = self._rrb, self._scene
         charts = [
-            rrb.TimeSeriesView(origin=self._path(CHARTS, each.title), name=_heading(each)) for each in scene.charts
+            rrb.TimeSeriesView(origin=self._path(CHARTS, name), name=_heading(each))
+            for name, each in zip(chart_names(scene.charts), scene.charts, strict=True)
         ]
         texts = rrb.Tabs(
             rrb.TextLogView(origin=EVENTS, name="events"), rrb.TextDocumentView(origin=RUN, name="run"), active_tab=0

@@ -16,7 +16,7 @@ from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.generic.run_data import GenericRun
 from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.scene.charts import TRUE, estimate_charts, state_charts
-from mathnavi.renders.scene.elements import Chart, Series
+from mathnavi.renders.scene.elements import PATTERNS, Chart, Series
 
 MOST_ROWS = 12  # of charts in a figure; of more the first ones are drawn
 MOST_NAMED = 8  # lines of a chart that are named beside it
@@ -60,7 +60,7 @@ def _draw(axes: Axes, series: Series, *, wide: bool) -> None:
         axes.fill_between(series.t, series.y - series.band, series.y + series.band, color=colour, alpha=BAND, lw=0.0)
     axes.plot(
         series.t, series.y, color=colour, lw=2.2 if wide else 1.2, label=series.name,
-        ls="--" if series.dashed else "-", drawstyle="steps-post" if series.step else "default",
+        ls=PATTERNS[series.pattern], drawstyle="steps-post" if series.step else "default",
     )  # fmt: skip
 
 

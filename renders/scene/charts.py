@@ -52,7 +52,7 @@ def curve(
             )
         chosen = np.array(sorted({0, len(t) - 1, *rows}), dtype=np.int64)
         t, y, band = t[chosen], y[chosen], None if band is None else band[chosen]
-    return Series(name, colour, t, y, step, dashed, band)
+    return Series(name, colour, t, y, step, int(dashed), band)
 
 
 def grouped(names: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[tuple[str, str, list[tuple[int, str]]]]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # it imports mujoco
 ALWAYS = ((-math.inf, math.inf),)
 MOST_POSES = 1500  # of a motion, which is interpolated between them
 SLACK = 1e-6  # [s] by which a time may be missed
+PATTERNS = ("-", "--", ":", "-.")  # of curves, as Matplotlib writes them
 INK_COLOUR: Colour = (0.15, 0.19, 0.24)
 
 
@@ -216,7 +217,7 @@ class Series:
     t: Array  # (n,) [s]
     y: Array  # (n,)
     step: bool = False
-    dashed: bool = False
+    pattern: int = 0  # of its dashes, in ``PATTERNS``
     band: Array | None = None  # (n,) half the height of the band about it
 
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from mathnavi.interfaces.reading.files import read_text
 from mathnavi.renders.page import Markup, text
+from mathnavi.renders.scene.cameras import ASPECT
 from mathnavi.renders.scene.elements import Framed, Layer, Scene
 from mathnavi.renders.scene.ground import ground_surfaces
 from mathnavi.renders.stage import HORIZON, ZENITH
@@ -82,8 +83,8 @@ def _packed(value: Any, layers: list[Layer], block: DataBlock) -> Any:
         if np.issubdtype(value.dtype, np.integer) and value.min(initial=0) >= 0:
             return block.add(value, "u4", stride=value.shape[1] if value.ndim == 2 else 0)
         return block.add(value)
-    if isinstance(value, Framed):  # for videos: the browser has target and distance of the camera
-        return None
+    if isinstance(value, Framed):  # the browser has target and distance of the camera, in a picture of this shape
+        return ASPECT
     if isinstance(value, bytes):
         return block.add(np.frombuffer(value, np.uint8), "u1") if value else None
     if is_dataclass(value):

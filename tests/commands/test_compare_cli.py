@@ -78,7 +78,7 @@ def test_runs_show_the_field_that_differs_and_every_figure(runs: Path) -> None:
     left, right = runs / "one", runs / "other"
     fields = rows(left, right, "Fields that differ")
     assert list(fields) == ["estimator.poles"]
-    assert fields["estimator.poles"]["right"] == "(-3, -6)"
+    assert fields["estimator.poles"]["other"] == "(-3, -6)"
     summary = rows(left, right, "Summary")
     figures = [json.loads((side / "summary.json").read_text()) for side in (left, right)]
     ratio = figures[1]["error_rms"] / figures[0]["error_rms"]
@@ -106,16 +106,16 @@ def test_rates_differ_if_their_limits_are_apart(sweep: Side) -> None:
     left, near, far = sweep("a.db", 20), sweep("b.db", 22, first=100), sweep("c.db", 38, first=100)
     assert rows(left, near, "Rates")["success"]["differ"].startswith("not shown")
     success = rows(left, far, "Rates")["success"]
-    assert success["left"] == rate(20, 40).text()
+    assert success["a"] == rate(20, 40).text()
     assert success["differ"].startswith("yes")
-    assert rows(left, far, "Fields")["bias"]["left"] == "0.5"
+    assert rows(left, far, "Fields")["bias"]["a"] == "0.5"
     assert rows(left, near, "Medians")["height [m]"]["bands"] == "overlap"
 
 
 def test_trials_of_the_same_seeds_are_paired(sweep: Side) -> None:
     sides = [sweep("a.db", 20), sweep("b.db", 28)]
     difference = rows(*sides, "Rates")["success"]["differ"]
-    assert difference == "yes: 0 only left, 8 only right"  # though the limits of 20 and 28 of 40 overlap
+    assert difference == "yes: 0 only in a, 8 only in b"  # though the limits of 20 and 28 of 40 overlap
     records = []
     for side in sides:
         with Store.existing(side) as store:
@@ -123,14 +123,14 @@ def test_trials_of_the_same_seeds_are_paired(sweep: Side) -> None:
     assert len(paired(*records)) == 40
     assert not paired([*records[0], replace(records[0][0], key="again")], records[1])
     happened = lambda record: record.success  # noqa: E731
-    assert differ((rate(20, 40), rate(28, 40)), (), happened).startswith("not shown")
+    assert differ((rate(20, 40), rate(28, 40)), (), happened, ("a", "b")).startswith("not shown")
 
 
 def test_claims_that_changed_their_verdict_are_reported(studies: Side) -> None:
     held, fell = studies("held", True), studies("fell", False, "it rose")
     comparison = compare(held, fell)
     assert comparison.verdict == "1 of 1 claims changed verdict: 1 yes → no."
-    assert rows(held, fell, "Claims with another verdict")["falling"]["right"] == "no: it rose"
+    assert rows(held, fell, "Claims with another verdict")["falling"]["fell"] == "no: it rose"
     same = studies("same", True, "it fell fast")
     assert compare(held, same).verdict.startswith("0 of 1")
     assert "falling" in rows(held, same, "Claims with the same verdict")

@@ -67,3 +67,12 @@ def test_nothing_is_left_where_nothing_can_be_written(
         assert main(["export", str(runs / "numbers"), flag, str(tmp_path / f"a.{ending}")]) == 2
     assert f"a.{ending}: " in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("package", "flag"), [("rerun", "--rerun"), ("mcap_protobuf", "--mcap")])
+def test_a_folder_that_is_missing_is_made(package: str, flag: str, runs: Path, tmp_path: Path) -> None:
+    pytest.importorskip(package)
+    file = tmp_path / "new" / "folder" / {"--rerun": "a.rrd", "--mcap": "a.mcap"}[flag]
+    assert main(["export", str(runs / "numbers"), flag, str(file)]) == 0
+    assert file.stat().st_size > 1000
+    assert list(file.parent.iterdir()) == [file]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import socket
 import struct
 import threading
@@ -103,6 +104,22 @@ def test_the_page_is_saved(runs: Path, tmp_path: Path, capsys: pytest.CaptureFix
         assert main(["view", str(runs / name), "--save", str(tmp_path / f"{name}.html")]) == 0
         assert (tmp_path / f"{name}.html").read_text().startswith("<!doctype html>")
     assert "numbers.html" in capsys.readouterr().out
+
+
+def test_two_runs_are_one_page_with_the_names_of_their_folders(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(runs / "robot", again)
+    page = tmp_path / "both.html"
+    assert main(["view", str(runs / "robot"), str(again), "--save", str(page)]) == 0
+    scene = json.loads(page.read_text().partition('id="scene">')[2].partition("</script>")[0])
+    assert {"robot", "again"} <= {layer["name"] for layer in scene["layers"]}
+    assert all(
+        {own["name"].partition(":")[0] for own in chart["series"]} == {"robot", "again"} for chart in scene["charts"]
+    )
+    assert "DIR is given 2 times" in refused([str(again), str(again)], capsys)
+    assert "is missing" in refused([], capsys)
 
 
 def refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:

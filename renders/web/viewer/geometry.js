@@ -59,14 +59,16 @@ class Orbit {
   turn(across, along) { this.azimuth -= across; this.elevation = clamp(this.elevation - along, -1.5706, 1.2); }
   zoom(factor) { this.distance *= factor; }
   // Matrices and axes about a point that it follows; `far` is how far away something may be seen.
-  view(about, turned, aspect, far) {
+  // A camera that frames something does so in a picture of the shape `framed`; in a narrower one it stands further away.
+  view(about, turned, aspect, far, framed = 0) {
+    const away = this.distance * Math.max(1, framed / aspect);
     const azimuth = this.azimuth + turned, c = Math.cos(this.elevation);
     const forward = [c * Math.cos(azimuth), c * Math.sin(azimuth), Math.sin(this.elevation)];
     const right = [Math.sin(azimuth), -Math.cos(azimuth), 0], up = cross(right, forward);
-    const centre = add(about, this.target), eye = add(centre, forward, -this.distance);
-    const near = Math.max(this.distance * 0.02, far * 2e-5);
-    const matrix = multiply(perspective(this.fieldOfView, aspect, near, far + 2 * this.distance), lookAlong(eye, right, up, forward.map((x) => -x)));
-    return { eye, forward, right, up, matrix, tangent: Math.tan(this.fieldOfView / 2) };
+    const centre = add(about, this.target), eye = add(centre, forward, -away);
+    const near = Math.max(away * 0.02, far * 2e-5);
+    const matrix = multiply(perspective(this.fieldOfView, aspect, near, far + 2 * away), lookAlong(eye, right, up, forward.map((x) => -x)));
+    return { eye, forward, right, up, matrix, tangent: Math.tan(this.fieldOfView / 2), away };
   }
   // Where a drag moves the point in the middle.
   move(view, across, along) { this.target = add(add(this.target, view.right, -across), view.up, along); }

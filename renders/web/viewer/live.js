@@ -69,7 +69,7 @@ class Live {
       lines.points = Float32Array.from(fresh.points); lines.times = Float32Array.from(fresh.times); lines.offsets = fresh.offsets;
     }
     scene.events = news.events; scene.duration = Math.max(this.latest, 1e-3);
-    for (const chart of this.player.charts) chart.duration = scene.duration;
+    for (const chart of this.player.charts) { if (chart.end >= chart.duration) chart.end = scene.duration; chart.duration = scene.duration; }
     $("scrub").max = scene.duration; this.player.setTicks(); this.player.change(true);
   }
   // The present moves on evenly between two answers of the server.

@@ -68,7 +68,9 @@ class Player {
       const pair = document.createElement("div"), term = document.createElement("dt"), words = document.createElement("dd");
       term.textContent = name; words.textContent = value; pair.append(term, words); $("facts").append(pair);
     }
-    this.charts = scene.charts.map((chart) => new TimeChart(chart, scene.duration, (t) => this.seek(t)));
+    this.charts = scene.charts.map((chart) => new TimeChart(chart, scene.duration, (t) => this.seek(t), (begin, end) => this.zoom(begin, end)));
+    for (const chart of this.charts) chart.again = () => this.change();
+    $("whole").addEventListener("click", () => this.zoom(0, scene.duration));
     $("charts").append(...this.charts.map((chart) => chart.figure));
     if (scene.cameras.length) this.setStage(); else $("app").classList.add("flat");
     this.setBar(); this.setLegend(); this.setChoice();
@@ -101,7 +103,7 @@ class Player {
     canvas.addEventListener("pointermove", (event) => {
       const before = held.get(event.pointerId);
       if (!before || !this.view) return;
-      const across = event.clientX - before[0], along = event.clientY - before[1], metres = 2 * this.view.tangent * this.orbit.distance / canvas.clientHeight;
+      const across = event.clientX - before[0], along = event.clientY - before[1], metres = 2 * this.view.tangent * (this.view.away ?? this.orbit.distance) / canvas.clientHeight;
       if (held.size === 2) {
         const [other] = [...held].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
         this.orbit.zoom(Math.hypot(other[0] - before[0], other[1] - before[1]) / Math.max(1, Math.hypot(other[0] - event.clientX, other[1] - event.clientY)));
@@ -174,6 +176,11 @@ class Player {
     this.playing = playing; this.clock = null;
     $("play").setAttribute("aria-label", playing ? "pause" : "play"); this.change();
   }
+  // Let all charts show a stretch of time.
+  zoom(begin, end) {
+    for (const chart of this.charts) { chart.begin = begin; chart.end = end; }
+    $("whole").hidden = begin <= 0 && end >= this.scene.duration; this.change(true);
+  }
   seek(t) { if (this.live) this.live.following = false; this.t = clamp(t, 0, this.scene.duration); this.change(); }
   change(stale = false) { this.stale ||= stale; this.changed = true; }
   tick(clock) {
@@ -205,12 +212,12 @@ class Player {
     const about = camera.follow && this.leader ? raised(this.leader.pos) : [0, 0, 0];
     this.view = camera.mounted
       ? mountedView(camera, leader ?? this.leader ?? { pos: [0, 0, 0], quat: [1, 0, 0, 0] }, size.width / size.height, 0.002 * scene.extent, 8 * scene.extent)
-      : this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent);
+      : this.orbit.view(about, camera.behind && camera.follow ? this.course(camera, t) : 0, size.width / size.height, 6 * scene.extent, camera.framed ?? 0);
     const shows = (layer) => !this.hidden.has(layer), lines = [];
     for (const own of scene.lines) if (shows(own.layer)) lines.push({ ...own, polylines: polylinesAt(own.motion ? { ...own, points: scene.motions[own.motion].pos, times: scene.motions[own.motion].t, offsets: [0, scene.motions[own.motion].t.length] } : own, t) });
     for (const pose of Object.values(poses)) if (pose?.ground != null) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [pose.pos[0], pose.pos[1], pose.ground, ...pose.pos], opacity: 0.8 }] });
     for (const mark of scene.marks) if (mark.foot !== null && mark.place && shows(mark.layer)) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [mark.place[0], mark.place[1], mark.foot, ...mark.place], opacity: 0.9 }] });
-    const pixel = 2 * this.view.tangent * this.orbit.distance / size.height; // [m] at the middle
+    const pixel = 2 * this.view.tangent * (this.view.away ?? this.orbit.distance) / size.height; // [m] at the middle
     const now = { size, canvas, view: this.view, tall, raised, poses, shows, lines, pixel, span: camera.span };
     this.stage.draw(now); this.labels.draw(now);
   }

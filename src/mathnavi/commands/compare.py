@@ -19,7 +19,10 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
 
 OUT = Path("renders/out/comparison.html")
-DESCRIPTION = "Two runs, two sweeps or two studies side by side: what was requested, and what came out."
+DESCRIPTION = (
+    "Two runs, two sweeps or two studies side by side: what was requested, and what came out, with difference and "
+    "ratio. Signals and paths of two runs or more are compared by `mathnavi view DIR DIR... --web`."
+)
 
 Place = Annotated[Path, Positional("DIR")]
 
@@ -59,8 +62,8 @@ def main(argv: Sequence[str]) -> int:
         comparison = compare(options.left, options.right)
     console = Console(markup=False)
     console.print(f"{comparison.title}. {comparison.verdict}", style="bold", highlight=False)
-    for side in ("left", "right"):
-        console.print(f"{side:7} {getattr(comparison, side)}", soft_wrap=True, highlight=False)
+    for name, place in zip(comparison.names, (comparison.left, comparison.right), strict=True):
+        console.print(f"{name}: {place}", soft_wrap=True, highlight=False)
     for table in comparison.tables:
         printed = Printed(title=table.title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
         for column in table.columns:

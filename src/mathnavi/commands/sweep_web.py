@@ -73,7 +73,7 @@ class FollowedSweep:
             if content not in self._views:
                 with TemporaryDirectory() as folder:
                     self.trials[content].flown().write(Path(folder))
-                    self._views[content] = page_of(Path(folder), None)
+                    self._views[content] = page_of([Path(folder)], None)
             return self._views[content]
 
     def show_ended(self) -> None:

@@ -22,7 +22,8 @@ from mathnavi.commands.run import build
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.checks import PAGES, checked_ending
-from mathnavi.interfaces.field_table import Positional
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import TOGETHER, Positional
 from mathnavi.models.opengl_probe import FaultError, try_glfw
 from mathnavi.sim.engine.scene_record import RecordedMotion
 from mathnavi.sim.plugin.trust import trusting
@@ -30,7 +31,8 @@ from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_s
 
 DESCRIPTION = (
     "Replay a run in MuJoCo's viewer until its window is closed; with --web in a browser, at this machine alone unless "
-    "--host names another address, until Ctrl-C."
+    "--host names another address, until Ctrl-C. Two runs or more are compared there: their paths in one scene, their "
+    "signals in one chart each."
 )
 FRAME = 1.0 / 60.0  # [s]
 REST = 1.0  # [s] at the end, before it begins again
@@ -44,8 +46,8 @@ NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi ren
 class ViewOptions:
     """Flags of the command: the run to show, and how fast."""
 
-    folder: Annotated[Path, Positional("DIR")]
-    """folder of a run"""
+    folders: Annotated[tuple[Path, ...], TOGETHER, Positional("DIR...")]
+    """folders of runs; two or more are shown side by side, on one time axis, with --web or --save"""
     speed: Positive | None = None
     """speed of the replay, as a multiple of real time; if not given 1, in a browser a replay of about half a minute"""
     web: bool = False
@@ -60,6 +62,10 @@ class ViewOptions:
     """whether to import code that DIR names and that is not installed; it runs with your rights"""
 
     def __post_init__(self) -> None:
+        if not self.folders:
+            raise FieldError("DIR is missing; allowed: the folder of a run")
+        if len(self.folders) > 1 and not self.web and self.save is None:
+            raise FieldError(f"DIR is given {len(self.folders)} times; allowed: once, or together with --web or --save")
         check_address(self.host, self.port, web=self.web)
         if self.save is not None:
             checked_ending(self.save, PAGES, "--save")
@@ -73,9 +79,9 @@ def main(argv: Sequence[str]) -> int:
 
         address = address_of(options.host, options.port) if options.web else None
         with trusting(options.trust):
-            return show(options.folder, options.speed, options.save, address)
+            return show(options.folders, options.speed, options.save, address)
     with trusting(options.trust):
-        replay = read_replay(options.folder)
+        replay = read_replay(options.folders[0])
     check_display()
     import mujoco.viewer  # needs GLFW
 

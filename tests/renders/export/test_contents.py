@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders.export.contents import MOST_MOMENTS, marks_of, mesh_of, moments_of, stretches
-from mathnavi.renders.scene.elements import Layer, Lines, Mark, Motion, Scene, Surface
+from mathnavi.renders.export.contents import MOST_MOMENTS, chart_names, marks_of, mesh_of, moments_of, stretches
+from mathnavi.renders.scene.elements import Chart, Layer, Lines, Mark, Motion, Scene, Surface
 
 SQUARE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -89,3 +89,8 @@ def test_what_the_page_enlarges_has_a_mark() -> None:
     assert (mark.motion, mark.colour) == ("vehicle", LAYER.colour)
     named = Mark("me", LAYER.colour, motion="vehicle")
     assert marks_of(Scene("run", 1.0, (), scene.motions, [vehicle], marks=[named])) == [named]
+
+
+def test_charts_of_one_title_have_names_of_their_own() -> None:
+    charts = [Chart("error", "m", []), Chart("error", "m/s", []), Chart("speed", "m/s", []), Chart("error", "m", [])]
+    assert chart_names(charts) == ["error (m)", "error (m per s)", "speed", "error (m) 2"]

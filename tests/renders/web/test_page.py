@@ -134,6 +134,35 @@ def test_a_report_on_a_telephone_keeps_its_letters_and_moves_no_further_than_its
         assert seen.page.evaluate("document.querySelector('figure svg').getBoundingClientRect().width") > 900
 
 
+def test_a_chart_says_its_value_at_the_pointer_and_zooms_to_a_stretch_of_time(page: Path, browser: Any) -> None:
+    with watched(browser, 1200, 700) as seen:
+        seen.open(page.as_uri())
+        seen.until("player.charts[1].range && !player.changed")
+        box = seen.page.locator("#charts canvas").nth(1).bounding_box()
+        y = box["y"] + 40.0
+        places = [
+            box["x"] + float(seen.page.evaluate(f"player.charts[1].x({share} * player.scene.duration)"))
+            for share in (0.25, 0.5)
+        ]
+        seen.page.mouse.move(places[1], y)
+        wanted = "Number(document.querySelectorAll('#charts figure')[1].querySelector('output').textContent)"
+        own, middle = "player.charts[1].chart.series[0]", "0.5 * player.scene.duration"
+        seen.until(f"Math.abs({wanted} / {own}.y[{own}.t.findIndex((t) => t > {middle})] - 1) < 0.02")
+        seen.page.keyboard.down("Shift")
+        seen.page.mouse.move(places[0], y)
+        seen.page.mouse.down()
+        seen.page.mouse.move(places[1], y)
+        seen.page.mouse.up()
+        seen.page.keyboard.up("Shift")
+        seen.until("player.charts.every((chart) => Math.abs(chart.begin / player.scene.duration - 0.25) < 0.01)")
+        seen.until("player.charts.every((chart) => Math.abs(chart.end / player.scene.duration - 0.5) < 0.01)")
+        assert seen.page.evaluate("player.t") == 0.0  # it has not gone there
+        seen.page.click("#whole")
+        seen.until("player.charts.every((chart) => chart.begin === 0 && chart.end === player.scene.duration)")
+        assert not seen.page.is_visible("#whole")
+        assert seen.complaints == []
+
+
 def test_the_charts_that_are_chosen_stay_in_the_address(page: Path, browser: Any) -> None:
     visible = (
         "[...document.querySelectorAll('#charts figure:not([hidden]) figcaption')].map((each) => each.firstChild.data)"

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tomllib
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+import matplotlib.pyplot as plt
 import pytest
 
 from mathnavi.commands.cli import main
 from mathnavi.commands.new import POINTS, Kind, class_of, contents, templates
 from tests.docs.test_blocks import blocks_of
+from tests.docs.test_notebooks import assert_form
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "how-to"
 KINDS = get_args(Kind)
@@ -70,6 +73,19 @@ def test_nothing_is_left_to_replace() -> None:
             assert not re.search(r"@\w+@", path + text), path
         assert any("my_robot" in path for path in contents(kind, "my-robot"))
     assert class_of("my-robot_2") == "MyRobot2"
+
+
+def test_the_notebook_of_the_folder_runs_from_top_to_bottom(
+    made: tuple[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    kind, folder = made
+    assert_form(notebook := json.loads((folder / f"my_{kind}.ipynb").read_text(encoding="utf-8")))
+    names: dict[str, Any] = {}
+    for k, cell in enumerate(cell for cell in notebook["cells"] if cell["cell_type"] == "code"):
+        exec(compile("".join(cell["source"]), f"cell {k}", "exec"), names)
+    assert "nan" not in capsys.readouterr().out
+    assert names["run"].success
+    plt.close("all")
 
 
 PAGES = {  # page, its file, the class in it that has the name

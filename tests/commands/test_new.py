@@ -104,15 +104,20 @@ def test_the_page_explains_the_code_that_is_made(kind: str) -> None:
     assert code == "\n\n\n".join(shown) + "\n"
 
 
-def test_the_page_of_the_rover_shows_parts_of_what_is_made() -> None:
-    code = contents("vehicle", "rover")
-    page = (DOCS / "rover.md").read_text(encoding="utf-8")
-    shown = re.findall(r"^```(?:py|xml)\n(?:# |<!-- )(\S+?)(?: -->)?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
-    assert {file for file, _ in shown} == {
-        path for path in code if path.startswith("rover/") and "__init__" not in path
-    }
-    for file, text in shown:
-        for part in text.split("...\n"):
+@pytest.mark.parametrize(
+    ("page", "kind", "name", "files"),
+    [
+        ("rover", "vehicle", "rover", {"rover.xml", "vehicle.py", "estimator.py", "controller.py", "scenario.py"}),
+        ("terrain", "terrain", "fens", {"terrain.py", "pyproject.toml"}),
+    ],
+)
+def test_the_page_shows_parts_of_what_is_made(page: str, kind: str, name: str, files: set[str]) -> None:
+    code = contents(kind, name)
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^```(?:py|xml|toml)\n(?:# |<!-- )(\S+?)(?: -->)?\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    assert {file.removeprefix(f"{name}/") for file, _ in shown} == files
+    for file, excerpt in shown:
+        for part in excerpt.split("...\n"):
             assert part.strip("\n") in code[file], f"{file}:\n{part}"
 
 

@@ -146,5 +146,5 @@ def templates(kind: str) -> dict[str, str]:
     own = TEMPLATES / kind
     files = {path.relative_to(own).as_posix(): path for path in own.rglob(f"*{ENDING}")}
     files[f"pyproject.toml{ENDING}"] = TEMPLATES / f"pyproject.toml{ENDING}"
-    paths = sorted(files, key=lambda path: ("/" in path, path))
+    paths = sorted(files, key=lambda path: ("/" in path, not path.startswith("README"), path))
     return {path.removesuffix(ENDING): read_text(files[path], ValueError, MOST) for path in paths}

@@ -4,7 +4,7 @@
 
 Pythons: those that pyproject.toml names and that are on PATH or among pyenv's. MuJoCo: the lowest and the highest
 version served in the range of pyproject.toml, with --minors also the last of each minor version between them; and the
-newest above the range, as a trial that may fail. Each pair has an environment of its own in .versions/, made by uv,
+newest above the range, as a trial that may fail. Each pair has its own environment in .versions/, made by uv,
 with the newest versions of everything else that pyproject.toml allows. A part that fails is a cell of the table. The
 exit code is 1 if one failed within the ranges, 2 for bad input or without uv or a package index.
 """
@@ -71,7 +71,7 @@ def supported_pythons(project: Mapping[str, list[str]]) -> list[str]:
 
 
 def interpreter(python: str) -> str | None:
-    """Return a program of this version of Python, from PATH or else from pyenv; None if there is none."""
+    """Return a program of this version of Python, from PATH or else from pyenv; None if absent."""
     pyenv = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv", "versions")
     # pyenv's command of a version that is not the chosen one only says so.
     for candidate in (f"python{python}", *map(str, sorted(pyenv.glob(f"{python}.*/bin/python")))):
@@ -154,7 +154,7 @@ class Environment:
         self._python, self._mujoco, self._uv = python, mujoco, uv
 
     def make(self, program: str, tools: Sequence[str]) -> str:
-        """Make the environment anew with a program of Python; return why it could not be made, empty if it was."""
+        """Make the environment again with a program of Python; return why it could not be made, empty if it was."""
         override = FOLDER / f"mujoco{self._mujoco}.txt"  # also of a range that does not have it
         override.parent.mkdir(exist_ok=True)
         override.write_text(f"mujoco=={self._mujoco}\n", encoding="utf-8")

@@ -18,6 +18,7 @@ extensions = [
     "api",
     "generated",
     "scenes",
+    "notebooks",
     "pdf",
     "sphinx_gallery.gen_gallery",
 ]

@@ -181,7 +181,7 @@ def own_copy(estimate: Estimate) -> Estimate:
 
 
 def handed(request: PlanRequest) -> PlanRequest:
-    """Return a request for a plug-in, whose estimate, plan and messages are locked and objects of its own."""
+    """Return a request for a plug-in, whose estimate, plan and messages are its own objects, locked."""
     plan = None if request.current is None else locked_plan(request.current)
     return PlanRequest(request.t, request.t_start, own_copy(request.estimate), plan, lent(request.messages))
 
@@ -209,7 +209,7 @@ def usable_estimate(
     """Return an estimator's answer at t [s], with arrays of the loop's own and of the sizes of the one ``before``.
 
     ``size`` is nx if that is known. Its time may be ``age`` [s] past. ``unflyable`` says what it lacks, "" if nothing.
-    An answer of mathnavi's ``own`` parts is returned as it is if it can be used so, for they make new arrays for every
+    An answer of mathnavi's ``own`` parts is returned unchanged if it can be used so, for they make new arrays for every
     answer.
     """
     if own and before is not None and _usable_as_it_is(answer, t, before, age, unflyable):
@@ -351,7 +351,7 @@ def usable_command(
 ) -> Array | Unusable:
     """Return a tracker's answer (nu,) as an array of the loop's own; ``longest`` is the greatest length allowed.
 
-    An answer of mathnavi's ``own`` parts is returned as it is if it can be used so.
+    An answer of mathnavi's ``own`` parts is returned unchanged if it can be used so.
     """
     if own and type(answer) is np.ndarray and answer.shape == shape and answer.dtype == np.float64:
         square = answer.dot(answer)

@@ -21,7 +21,7 @@ _TEMPORARY = "/tmp", "/var/tmp"
 
 
 def cache_folder() -> Path | None:
-    """Return the folder, which exists and can be written to; None if there is none, and nothing can be kept."""
+    """Return the folder, which exists and can be written to; None if it cannot, and nothing is kept."""
     named = _named()
     if named is not None:
         with suppress(OSError):

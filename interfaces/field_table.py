@@ -290,7 +290,7 @@ def fields_of(kind: Any) -> tuple[Field, ...]:
 
 
 def field_of(kind: Any, name: str) -> Field:
-    """Return the field of a dataclass with a name; KeyError if there is none."""
+    """Return the field of a dataclass with a name; KeyError if none exists."""
     return {field.name: field for field in fields_of(kind)}[name]
 
 

@@ -152,7 +152,7 @@ class PlantWithSignalNames(Plant, Protocol):
 
 @runtime_checkable
 class PlantWithActivations(Plant, Protocol):
-    """Plant whose actuators may have states of their own, such as muscles and filters; the log has them."""
+    """Plant whose actuators may have their own states, such as muscles and filters; the log has them."""
 
     def activation_names(self, name: str) -> tuple[str, ...]:
         """Return name and unit of each activation (na,) of a vehicle's actuators; none where no actuator has any."""

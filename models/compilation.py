@@ -21,7 +21,7 @@ _DIGITS = 32  # of a hash, in the name of a file
 
 
 def compiler() -> str | None:
-    """Path of the C compiler; None if there is none."""
+    """Path of the C compiler; None if absent."""
     return shutil.which("cc")
 
 

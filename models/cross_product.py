@@ -1,4 +1,4 @@
-"""Cross product of two vectors, as it is computed at every step of a run."""
+"""Cross product of two vectors, as computed at every step of a run."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def require_version(version: str) -> None:
 
 
 def _installed() -> str:
-    """Return the version of MuJoCo that is installed, empty if there is none."""
+    """Return the version of MuJoCo that is installed, empty if absent."""
     from importlib.metadata import PackageNotFoundError, version  # takes as long to import as the command line
 
     try:

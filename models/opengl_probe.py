@@ -1,4 +1,4 @@
-"""Trial of a backend of OpenGL, in a process of its own: ``python -I -S opengl_probe.py BACKEND [PATH ...]``.
+"""Trial of a backend of OpenGL, in its own process: ``python -I -S opengl_probe.py BACKEND [PATH ...]``.
 
 It does what MuJoCo does to make a context. If that works, it prints "software" or "hardware", what would draw;
 otherwise it prints why not, in a line, and in a second one what is allowed if that is not the backend installed, and

@@ -90,7 +90,7 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
 
 
 def _drawing_at(name: str, where: str) -> Drawing[Any]:
-    """Return the drawing with a name, or in a module; RunFolderError if there is none."""
+    """Return the drawing with a name, or in a module; RunFolderError if none exists."""
     subject = f"{where!r}: drawing = {name!r}"
     point = named_point(installed("drawings"), "drawings", name)
     place = name if point is None else point.value

@@ -1,4 +1,4 @@
-"""Collocation of a problem as it is stated, of one phase or several, with a mesh of equal intervals in each phase.
+"""Collocation of a problem as stated, of one phase or several, with a mesh of equal intervals in each phase.
 
 Of ``mathnavi.controllers.ocp`` it reads the statement alone: symbols, expressions, limits and guesses. On every
 interval of width h the dynamics hold at the k points of Radau IIA or of Gauss-Legendre, two discretisations that share
@@ -158,7 +158,7 @@ def collocated(
     """The optimum of a problem on a mesh.
 
     Args:
-        problem: the problem as it is stated.
+        problem: the problem as stated.
         mesh: intervals, degree, and what moves.
         scheme: "Radau" or "Gauss".
         start: another optimum to start from; None for the guess that is stated.

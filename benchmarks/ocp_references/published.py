@@ -1,4 +1,4 @@
-"""Published optima computed by two discretisations of the problem as it is stated, beside the value of the list."""
+"""Published optima computed by two discretisations of the problem as stated, next to the value of the list."""
 
 from __future__ import annotations
 

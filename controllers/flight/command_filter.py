@@ -357,7 +357,7 @@ class FilteredTracker:
         return {"filtered_share": share, "filter_margin_min_m": self._least if self._steps else None}
 
     def _asked(self, t: float, estimate: Estimate, plan: Plan | None) -> Array:
-        """The command (3,) that the tracker proposes; NaN if there is none."""
+        """The command (3,) that the tracker proposes; NaN if none exists."""
         if plan is None:
             return _NO_COMMAND
         if self._guest:

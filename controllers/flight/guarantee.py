@@ -34,7 +34,7 @@ class GuaranteeState(Enum):
 
 @dataclass(frozen=True)
 class Evidence:
-    """What is known at a control step, each as the reason why it is not as it should be; "" where it is."""
+    """Findings at a control step, each as the reason why it is not as it should be; "" where it is."""
 
     waiting: str = ""  # the estimator has not begun, and the guarantee neither
     doubt: str = ""  # the estimate cannot be relied on: it is missing, lost, or worse than declared

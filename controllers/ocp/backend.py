@@ -123,7 +123,7 @@ class NumericalSolver:
             known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
             multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
             bounds: lower and upper bounds (n,) of the scaled unknowns and (m,) of the rows; None for the programme's.
-            plain_rows: True for rows as they are stated, which the solver may scale itself.
+            plain_rows: True for rows as stated, which the solver may scale itself.
             cost: J of the guess where it is a solution on another mesh; None for a guess of any other kind.
         """
         began = time.perf_counter()

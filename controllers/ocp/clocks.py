@@ -1,7 +1,7 @@
-"""Clocks of phases that are stacked on one normalised time τ: each phase may pass it at a rate of its own.
+"""Clocks of phases that are stacked on one normalised time τ: each phase may pass it at its own rate.
 
 Phases that switch have their switches at different fractions of their durations, and an arc boundary in τ is one for
-all of them. So a phase k that may switch has a time of its own, θ_k in [0, 1], a state of the stacked problem,
+all of them. So a phase k that may switch has its own time, θ_k in [0, 1], a state of the stacked problem,
 
     dθ_k/dτ = w_k,      θ_k(0) = 0,  θ_k(1) = 1,      dx_k/dτ = w_k T_k f_k(x_k, u_k, t_k + θ_k T_k; p),
 

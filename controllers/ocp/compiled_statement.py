@@ -43,7 +43,7 @@ class CompiledStatement:
     def with_breaks(
         self, problem: ProblemFunctions, breaks: Sequence[float], method: str, *, whole: bool
     ) -> ProblemFunctions:
-        """Return a compiled problem with break times [s] besides its own; kept as it is.
+        """Return a compiled problem with break times [s] in addition to its own; kept unchanged.
 
         ``whole`` is True if all but the method is left to the method. ProblemError for times outside of the duration,
         and for a method that cannot hold them.

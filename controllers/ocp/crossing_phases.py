@@ -7,7 +7,7 @@ part the branches are those of its middle, so that f_a, L_a and d_a are smooth, 
     x_(a+1)(0) = x_a(1),      g_a(x_a(1), t_a + T_a; p) = 0,
 
 t_a the sum of the lengths before. So J chooses when the surface is crossed, and a costate may jump there along the
-gradient of g_a. What is found is a solution of the problem as it was stated, and is replayed through that one.
+gradient of g_a. What is found is a solution of the problem as stated, and is replayed through that one.
 
 A time t_k at which something is stated is a cut too, g = t - t_k. Where a free duration ends on a surface of the time,
 behind which it is dearer, the last part is one of no length: it is left out, and the end may not pass the surface.

@@ -40,7 +40,7 @@ def refuse_mx(own: str, foreign: str) -> NoReturn:
 
 
 def _mx_in(value: Any) -> ca.MX | None:
-    """An MX expression that a value is, or contains; None if there is none."""
+    """An MX expression that a value is, or contains; None if absent."""
     if isinstance(value, ca.MX):
         return value
     if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.dtype == object):

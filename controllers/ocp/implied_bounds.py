@@ -1,4 +1,4 @@
-"""Bounds of controls that a path constraint implies: |u_j| <= 1 beside u'u <= 1, for one.
+"""Bounds of controls that a path constraint implies: |u_j| <= 1 next to u'u <= 1, for one.
 
 They add nothing, but where one of them holds its slope is that of the constraint: multipliers are not unique there, and
 a barrier keeps the solution away from a limit that is none. So a programme is better off without them.

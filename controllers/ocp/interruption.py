@@ -44,7 +44,7 @@ def ending_early(
         parameters: (np,) values of the problem's parameters.
         tolerance: of the last replay.
         seconds: CPU time [s] of the call.
-        report: function that is called with the progress; None for nobody.
+        report: function that is called with the progress; None for silence.
 
     Returns:
         What the method returns or, of a call that had to end, the best so far: INTERRUPTED, or for its time CONVERGED

@@ -1,4 +1,4 @@
-"""Solutions of problems of several phases: all phases over one normalised time, and each as a solution of its own."""
+"""Solutions of problems of several phases: all phases over one normalised time, and each as its own solution."""
 
 from __future__ import annotations
 

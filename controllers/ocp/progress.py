@@ -69,7 +69,7 @@ class ProgressLine:
 
 
 def report_of(progress: bool | Report | None, *, printed: bool) -> Report | None:
-    """The function that is called with the progress; None if there is none.
+    """The function that is called with the progress; None if absent.
 
     Args:
         progress: a function; False for none; None for a line on standard error if that is a terminal, True for that

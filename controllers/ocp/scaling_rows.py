@@ -252,7 +252,7 @@ def _nearer_limit(lower: float, upper: float) -> float:
 
 
 def _control_sizes(problem: ProblemFunctions) -> Array:
-    """Typical moves (nu,) of the controls: as large as they are guessed, for limits may be far from any solution."""
+    """Typical moves (nu,) of the controls: as large as guessed, for limits may be far from any solution."""
     guessed = np.abs(problem.guess_controls).max(axis=0, initial=0.0)
     sizes: Array = np.where(guessed > _GUESSED * problem.control_scale, guessed, problem.control_scale)
     return sizes

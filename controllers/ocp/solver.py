@@ -116,7 +116,7 @@ class Transcription:
                 transcription has. None for a transcription of one arc.
             explained: True if a programme that found no feasible point is examined: which constraints cannot hold
                 together, of one without arcs, and whether it is proved that the problem has none.
-            plain_rows: True for rows as they are stated, over no scales of their own.
+            plain_rows: True for rows as they are stated, without their own scales.
 
         Raises:
             ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and
@@ -389,7 +389,7 @@ def check_instants(problem: ProblemFunctions, distribution: NodeDistribution, op
 
 
 def nodes_of_instants(problem: ProblemFunctions, grid: Grid) -> tuple[int, ...]:
-    """Indices of the nodes at which a problem states a cost or constraints; ProblemError where there is none."""
+    """Indices of the nodes at which a problem states a cost or constraints; ProblemError where none exists."""
     if problem.instants is None:
         return ()
     nearest = np.abs(grid.nodes[:, None] - problem.instants.fractions).argmin(axis=0)

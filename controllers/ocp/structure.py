@@ -3,7 +3,7 @@
 Read from a solution that may be coarse. A control that enters linearly jumps between its bounds, or leaves them on a
 singular arc; another one has a kink where it reaches a bound. Both need a node there (see ``arcs``), as do the ends of
 an arc on a path constraint or on the bound of a state. Such a limit on states alone is of first order where its rate
-has a linear control in it: it has an arc of its own, on which it holds with equality and determines the control. A
+has a linear control in it: it has its own arc, on which it holds with equality and determines the control. A
 bound counts as active only where its multiplier confirms it: on a singular arc, where a coarse control rings between
 its bounds, it does not.
 """

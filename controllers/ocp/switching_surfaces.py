@@ -228,7 +228,7 @@ def _place(
 
 
 def _text(made: ca.SX) -> str:
-    """An expression as it is written, without CasADi's "@1=0.5, " for what occurs twice."""
+    """An expression as written, without CasADi's "@1=0.5, " for what occurs twice."""
     text = str(made)
     while text.startswith("@"):
         head, _, text = text.partition(", ")

@@ -118,7 +118,7 @@ class Guarded:
 
     @property
     def estimator(self) -> Estimator:
-        """The estimator beside which the monitor is now."""
+        """The estimator next to which the monitor is now."""
         return self._now.estimator
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

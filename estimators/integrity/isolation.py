@@ -35,7 +35,7 @@ _RAY, _REBUILT = 2, 3  # what leaving out a channel asks for
 
 @lru_cache(maxsize=256)
 def used_channels(channels: int, out: frozenset[int]) -> Flags:
-    """True (l,) for the channels that are used; nobody writes into it."""
+    """True (l,) for the channels that are used; no one writes into it."""
     used: Flags = np.ones(channels, dtype=np.bool_)
     used[list(out)] = False
     return used
@@ -61,7 +61,7 @@ class Replay:
         return estimate
 
     def copy(self) -> Replay:
-        """A copy with a state of its own."""
+        """A copy with its own state."""
         return Replay(copy.deepcopy(self.estimator), self.witness.copy(), self.estimate, self.worst)
 
 
@@ -87,7 +87,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of a search: the channels that are left out ``now`` and those that are known to be ``stuck``, the
+    """Request to a search: the channels that are left out ``now`` and those that are known to be ``stuck``, the
     largest number of rays that may be left out, and whether ``noise`` may be an explanation, or nothing but rays while
     tests are ``strict``.
     """

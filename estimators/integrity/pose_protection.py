@@ -50,7 +50,7 @@ def no_responses(branches: int, rays: int) -> Array:
 
 
 def nothing_since(rays: int) -> Array:
-    """What has happened since the last call (6 + l,): nothing."""
+    """Changes since the last call (6 + l,): none."""
     return np.zeros(_READS + rays)
 
 

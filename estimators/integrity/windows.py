@@ -114,7 +114,7 @@ class Windows:
         self.kappa, self.declared = kappa * self.excess, kappa
 
     def copy(self) -> Windows:
-        """A copy with sums of its own."""
+        """A copy with its own sums."""
         made = object.__new__(Windows)
         made.kappa, made.declared = self.kappa, self.declared
         made._channels, made.thresholds = self._channels, self.thresholds

@@ -62,7 +62,7 @@ class Witness(Protocol):
         """Forget what was taken."""
 
     def copy(self) -> Self:
-        """A copy with a state of its own."""
+        """A copy with its own state."""
 
 
 class Recovery(Protocol):

@@ -314,7 +314,7 @@ class FloatingBaseIekf:
 
 
 def _base_of(mission: LagrangianMission) -> FloatingBase:
-    """The floating base of a mission's system. Raises FieldError if there is none, or if it carries no IMU."""
+    """The floating base of a mission's system. Raises FieldError if none exists, or if it carries no IMU."""
     if not isinstance(mission.system, MechanismSystem):
         raise FieldError(f"system = one on {mission.system.manifold.name}; allowed: a mechanism with a floating base")
     return mission.system.floating_base

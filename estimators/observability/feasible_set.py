@@ -84,7 +84,7 @@ def _slice(outputs: RangeOutputs, y: Array, phi: float, step: float, grid: int) 
 
 
 def _surface(outputs: RangeOutputs, y_1: float, grid: int, headings: Array) -> Array:
-    """Poses (grid, k, 3) that read y_1 with the first sensor, over s and headings (k,); NaN where there is none."""
+    """Poses (grid, k, 3) that read y_1 with the first sensor, over s and headings (k,); NaN where none exists."""
     s = 2.0 * math.pi * np.arange(grid) / grid
     ends = outputs.curve.points(s)
     poses = np.empty((grid, len(headings), 3))

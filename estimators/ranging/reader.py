@@ -1,7 +1,7 @@
 """Selection of the readings that a range estimator uses, the count of those that it does not, and its status.
 
 Ranges bound the error of the pose; while they are missing it grows with the odometry's, and the estimate is lost in the
-end. Missing odometry is replaced by the command: after a declared gap the estimate is degraded, for nobody measures
+end. Missing odometry is replaced by the command: after a declared gap the estimate is degraded, for no one measures
 how the robot moves.
 """
 

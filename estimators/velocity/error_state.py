@@ -44,7 +44,7 @@ _FARTHEST = 0.3  # [rad, m] deviation of a position up to which errors are those
 
 
 class StateErrors:
-    """Sums and differences of states (size + vector_size,) and errors (2 n,); CutLocusError if there are none."""
+    """Sums and differences of states (size + vector_size,) and errors (2 n,); CutLocusError if none exists."""
 
     def __init__(self, manifold: Manifold) -> None:
         self._manifold, self._size, self._n = manifold, manifold.size, manifold.dimension

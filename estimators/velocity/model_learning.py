@@ -66,7 +66,7 @@ class ModelLearning:
         self._samples, self._next = 0, _SOONEST
         self._limit = float(chdtri(p, _CHANCE))
         self.theta, self.used = np.zeros(p), np.zeros(p)
-        """parameters (p,) by least squares, and as they were given to the model last"""
+        """parameters (p,) by least squares, and those that the model was given last"""
         self.found = self.known = False
 
     def read(self, t: float, y: Array, u: Array) -> Step | None:

@@ -233,7 +233,7 @@ def _mean(mean: Array, values: Array, count: int) -> None:
 def _refine(
     changes: Array, found: Array, counted: Array, alike: Array, varied: Flags, confirmed: Array, still: Array
 ) -> None:
-    """Find the steps (k,) of which all magnitudes of changes (k,) so far are multiples; 0 where there are none."""
+    """Find the steps (k,) of which all magnitudes of changes (k,) so far are multiples; 0 where none exists."""
     for i in range(len(changes)):
         change = changes[i]
         if not change > _STILL:

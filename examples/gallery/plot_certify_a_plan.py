@@ -1,5 +1,5 @@
 """
-Certify a plan that somebody else made
+Certify a plan that someone else made
 ======================================
 
 The certificate takes any plan of constant accelerations. Its clearance is exact over every arc, not sampled, so a

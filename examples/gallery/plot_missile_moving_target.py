@@ -2,7 +2,7 @@
 Guide a missile to a target that moves
 ======================================
 
-The missile plans its optimal flight anew ten times a second, and dives on the target at 90 degrees. The target sets off
+The missile plans its optimal flight ten times a second, and dives on the target at 90 degrees. The target sets off
 after three seconds. One planner aims at where the target will be, the other at where it is.
 """
 

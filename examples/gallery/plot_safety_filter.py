@@ -1,5 +1,5 @@
 """
-A safety filter around somebody's policy
+A safety filter around someone's policy
 ========================================
 
 The policy flies straight at the target and knows nothing of mountains. The filter lets each command pass if a certified

@@ -1,6 +1,6 @@
 """Reader of tables of numbers in text files: bytes to text, text to cells, cells to numbers.
 
-What the columns mean is not known here. Every row that is read has its line in the file, so that whoever gives the
+What the columns mean is not known here. Every row that is read has its line in the file: the module that gives the
 columns a meaning can name it. Of the last line, if no line end follows it, a writer that was interrupted may have
 written a part: it is left out where that shows, which a note says.
 

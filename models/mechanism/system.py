@@ -49,7 +49,7 @@ class MechanismSystem:
     """A ``LagrangianSystem`` of a model whose joints each move mass, with the state (qpos, qvel) and the input ctrl.
 
     Actuators are MuJoCo's and act within their ranges of control and force; springs, dampers, tendons, gravity
-    compensation and the drag of a medium are MuJoCo's too. Of actuators with states of their own or a delay, as muscles
+    compensation and the drag of a medium are MuJoCo's too. Of actuators with their own states or a delay, as muscles
     and filters are, nothing but the names is known here (``unmodelled``), and there is no force. ``force`` leaves out
     MuJoCo's constraints: contacts, limits of joints and tendons, friction loss and equalities. Where the model
     has any of these, servos, drag or stiff damping, ``implicit`` is true, and ``flow`` and ``step`` are MuJoCo's

@@ -1,6 +1,6 @@
 """NetCDF files: what they say and GDAL passes over.
 
-Coordinates are variables of their own, of which GDAL takes the first and the last. ``valid_min`` and ``valid_max`` mark
+Coordinates are separate variables, of which GDAL takes the first and the last. ``valid_min`` and ``valid_max`` mark
 voids; GDAL honours them together only. What is cut off from a classic file (CDF-1, -2 and -5), it reads as zeros: its
 header says where each variable begins and which dimensions it has, and a variable along the unlimited dimension has one
 part in each record.

@@ -1,7 +1,7 @@
 """Contents of an exported run: the scene of its page, and its log as channels, whatever the format of the file.
 
 A viewer of others draws meshes, polylines and points, and each stays as it is until it is replaced. So a surface is a
-mesh with normals; a line that grows, shrinks or changes is a sequence of moments at each of which it is drawn anew.
+mesh with normals; a line that grows, shrinks or changes is a sequence of moments at each of which it is drawn again.
 """
 
 from __future__ import annotations

@@ -9,8 +9,8 @@
 | ``/charts/TITLE`` | JSON | the curves of the run's page; with the unit where two charts have one title |
 | ``/events`` | JSON | events |
 
-The stamps are whole nanoseconds from the start of the run. Each JSON message also has the time as it was recorded,
-``t`` [s], and each number of the log as it was recorded: one that is missing is NaN, in a list null, and infinity is
+The stamps are whole nanoseconds from the start of the run. Each JSON message also has the time as recorded,
+``t`` [s], and each number of the log as recorded: one that is missing is NaN, in a list null, and infinity is
 1e999, which every parser of JSON reads as infinity. The metadata of a JSON channel names the arrays of log.npz that its
 fields hold; config.json, summary.json and log.json of the run are attached.
 """

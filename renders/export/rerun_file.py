@@ -214,7 +214,7 @@ class _Writer:
 def _series(channel: Channel, field: Field) -> Iterator[tuple[list[str], list[str], Sequence[Array]]]:
     """Yield the entities of a field below that of its channel, with the names of their numbers, and their rows.
 
-    A number with a name has an entity of its own; others are the components of one.
+    A number with a name has its own entity; others are the components of one.
     """
     rows = [np.atleast_1d(np.asarray(row)) for row in field.rows]
     if field.columns:

@@ -66,7 +66,7 @@ class GenericRun:
 
 @dataclass(frozen=True, eq=False)
 class RecordedEstimates:
-    """Estimates of a vehicle with the truth, as far as it is known: of its whole state, or of a part of it."""
+    """Estimates of a vehicle with the truth, as far as known: of its whole state, or of a part of it."""
 
     t: Array  # (k,) [s]
     x: Array  # (k, m)

@@ -1,6 +1,6 @@
 """The ground of a scene under its relief, as a model of MuJoCo and as surfaces for the browser.
 
-MuJoCo's model holds it once for each factor of heights by which a camera shows it, in geom groups of their own: the
+MuJoCo's model holds it once for each factor of heights by which a camera shows it, in separate geom groups: the
 true one for cameras near a vehicle, and a taller one for those that show the whole map.
 
 Import ``mathnavi.models.opengl`` and choose the backend before this module, which imports mujoco.

@@ -271,7 +271,7 @@ def _level(quat: Array) -> Array:
 
 
 def _place(mark: Mark, poses: Mapping[str, Pose]) -> tuple[Array | None, float | None]:
-    """Place (3,) [m] of a mark and the height [m] of the ground below it, as far as they are known."""
+    """Place (3,) [m] of a mark and the height [m] of the ground below it, as far as known."""
     if mark.motion is None:
         return mark.place, mark.foot
     pose = poses.get(mark.motion)

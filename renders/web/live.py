@@ -306,7 +306,7 @@ def _estimated(estimands: Estimands, words: str, k: int, size: int, loop: Loop) 
 
 
 def _estimate(loop: Loop, k: int, size: int) -> float | None:
-    """The k-th number of the estimate of a single vehicle; None if it has not so many numbers."""
+    """The k-th number of the estimate of a single vehicle; None if it has fewer numbers."""
     estimate = next(iter(loop.runners.values())).estimate
     return None if estimate is None or len(estimate.x) != size else _number(estimate.x[k])
 

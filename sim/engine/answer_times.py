@@ -6,7 +6,7 @@ run and stay out of the log.
 
 ``Latency`` makes them part of the simulation: a plan that is requested at t is available at t + delay, with the delay
 that was measured, or one that was recorded in an earlier run, which gives the same log again. Requests do not wait for
-each other, as if each had a processor of its own.
+each other, as if each had its own processor.
 """
 
 from __future__ import annotations

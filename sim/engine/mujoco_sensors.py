@@ -46,7 +46,7 @@ class MujocoSensor:
         """Return the sensor ``VEHICLE/NAME`` of a model, with the size and the ``noise`` that its file states, which
         MuJoCo itself does not add.
 
-        Raises ArgumentError if there is none.
+        Raises ArgumentError if none exists.
         """
         index = _named(model, vehicle, name)
         return MujocoSensor(name, int(model.sensor_dim[index]), rate, float(model.sensor_noise[index]))
@@ -83,7 +83,7 @@ class OwnSensors:
     def read(self, vehicle: str, name: str) -> Array:
         """Return the present reading of the sensor ``VEHICLE/NAME``, a copy.
 
-        Raises ValueError if there is none.
+        Raises ValueError if none exists.
         """
         full = f"{vehicle}/{name}"
         if full not in self._places:
@@ -134,7 +134,7 @@ class OwnSensors:
 
 
 def _named(model: mujoco.MjModel, vehicle: str, name: str) -> int:
-    """Index of the sensor ``VEHICLE/NAME``; ArgumentError, which lists those of the vehicle, if there is none."""
+    """Index of the sensor ``VEHICLE/NAME``; ArgumentError, which lists those of the vehicle, if none exists."""
     known = {model.sensor(i).name: i for i in range(model.nsensor)}
     full, begin = f"{vehicle}/{name}", f"{vehicle}/"
     if full in known:

@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.joint_states import (
     FREE,
@@ -442,16 +443,18 @@ def _expected_contacts(model: mujoco.MjModel, vehicles: Iterable[_Vehicle]) -> N
     for vehicle in vehicles:
         own = sorted(vehicle.geoms)
         for name in vehicle.ignored_contacts:
-            ground = _geom(model, vehicle.name, name)
+            ground = _geom(model, vehicle, name)
             expected[own, ground] = expected[ground, own] = True
     return expected if expected.any() else None
 
 
-def _geom(model: mujoco.MjModel, vehicle: str, name: str) -> int:
-    try:
-        return int(model.geom(name).id)
-    except KeyError:
-        raise ArgumentError(f"vehicle {vehicle!r}: ignored_contacts: there is no geom {name!r} in the model") from None
+def _geom(model: mujoco.MjModel, vehicle: _Vehicle, name: str) -> int:
+    """Index of the geom; ArgumentError, which lists those of the model outside the vehicle, if none exists."""
+    known = {model.geom(i).name: i for i in range(model.ngeom)}
+    if name and name in known:
+        return known[name]
+    others = [each for each, i in known.items() if each and i not in vehicle.geoms]
+    raise ArgumentError(f"vehicle {vehicle.name!r}: ignored_contacts: no geom {name!r}; {allowed_for(name, others)}")
 
 
 def _slice(indices: Sequence[int], first: int, end: int) -> slice:

@@ -39,7 +39,7 @@ class Pictures(Protocol):
 def pictures(width: int, height: int) -> Pictures:
     """Return a new renderer of pictures of this size [pixels], of the installed entry point "episode".
 
-    Raises PluginError if there is none, or more than one.
+    Raises PluginError if none exists, or more than one.
     """
     point = named(entry_points_of(PICTURES), "pictures", "episode")
     if point is None:

@@ -65,7 +65,7 @@ def seeds_of_rows(seed: Any, count: int) -> list[int | None]:
 
 
 def checked_mode(mode: Any) -> AutoresetMode:
-    """Return the mode of that name or value; ArgumentError if there is none."""
+    """Return the mode of that name or value; ArgumentError if none exists."""
     try:
         return AutoresetMode(mode)
     except ValueError:

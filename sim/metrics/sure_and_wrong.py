@@ -34,7 +34,7 @@ def sure_and_wrong(t: Array, ok: Flags, difference: Array, covariance: Array, bl
     Args:
         t: (n,) [s], increasing.
         ok: (n,) whether the status is OK.
-        difference: (n, d) estimate less truth, angles to the nearest; NaN where there is none.
+        difference: (n, d) estimate less truth, angles to the nearest; NaN where none exists.
         covariance: (n, d, d); NaN where none is declared, which is not judged.
         blocks: components that are judged together.
 

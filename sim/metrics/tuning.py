@@ -105,7 +105,7 @@ def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: sl
 
 
 def recorded_error(estimator: Estimator, calls: Iterable[RecordedCall], components: slice, begin: float) -> float:
-    """Error of a fresh estimator over the calls from ``begin`` [s] on; ArgumentError if there are none."""
+    """Error of a fresh estimator over the calls from ``begin`` [s] on; ArgumentError if none exists."""
     return replayed(estimator, calls, components).rms(begin)
 
 

@@ -99,7 +99,7 @@ def is_installed(file: Path) -> bool:
 
 
 def _version(name: str) -> str | None:
-    """Return the version of the distribution with the name of its module; None if there is none."""
+    """Return the version of the distribution with the name of its module; None if absent."""
     try:
         return version(name)
     except PackageNotFoundError:

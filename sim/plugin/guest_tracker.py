@@ -38,7 +38,7 @@ class GuestTracker:
         return command
 
     def __getattr__(self, name: str) -> Any:
-        """What else the tracker offers: the events that it reports, for instance."""
+        """Other attributes of the tracker: the events that it reports, for instance."""
         if name == "wrapped":  # of an object that is not made yet, as copies and pickles are
             raise AttributeError(name)
         return getattr(self.wrapped, name)

@@ -134,7 +134,7 @@ def imported(kind: str, point: EntryPoint) -> Description:
 def docstring(value: str) -> str:
     """Return the docstring of the class, the function or the module at "package.module:Name", from the source.
 
-    Raises ModuleNotFoundError or AttributeError if there is none, as its import would.
+    Raises ModuleNotFoundError or AttributeError if none exists, as its import would.
     """
     module, _, name = value.partition(":")
     text = Path(_file(module)).read_text(encoding="utf-8")

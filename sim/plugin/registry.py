@@ -79,7 +79,7 @@ def called(kind: str, place: str) -> str:
 def load(kind: str, name: str) -> Any:
     """Load the plug-in called ``name``, or the class at "package.module:Class".
 
-    Raises PluginError if there is none, naming those that exist, if several have the name, naming the origin of each,
+    Raises PluginError if none exists, naming those that exist, if several have the name, naming the origin of each,
     or if it declares no frozen configuration.
     """
     point = point_of(kind, name)

@@ -1,8 +1,8 @@
-"""Log of a run as channels: rows of fields at their own times, every number as it was recorded.
+"""Log of a run as channels: rows of fields at their own times, every number as recorded.
 
 | channel | times | fields |
 |---|---|---|
-| ``truth`` | every sample | ``x``, ``activation`` of actuators with states of their own, ``estimands`` if declared |
+| ``truth`` | every sample | ``x``, ``activation`` of actuators with their own states, ``estimands`` if declared |
 | ``input`` | every sample | ``u``, held until the next |
 | ``readings/NAME`` | samples at which the sensor was read | ``value``; NaN for single values that were lost |
 | ``estimate`` | those of the estimates | ``x``, and what else the estimator reports, as ``covariance`` |

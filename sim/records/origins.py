@@ -42,7 +42,7 @@ class Origin:
 
     @property
     def digest(self) -> str:
-        """Digest of the environment, UNKNOWN if there is none."""
+        """Digest of the environment, UNKNOWN if none exists."""
         return environment_digest(self.environment) if self.environment else UNKNOWN
 
 

@@ -212,7 +212,7 @@ def read_state_names(directory: str | Path) -> dict[str, tuple[str, ...]]:
 
 
 def read_signal_names(directory: str | Path) -> dict[str, SignalNames]:
-    """Read the names of all signals by vehicle, as far as they are known; errors as of ``read_log``."""
+    """Read the names of all signals by vehicle, as far as known; errors as of ``read_log``."""
     index = _read_index(directory)
     return {
         name: SignalNames(states, **{part: own[name] for part in _NAMED if name in (own := getattr(index, part))})

@@ -112,7 +112,7 @@ class RunSpec:
         return leaf(self.parts[prefix], own)
 
     def type_of(self, name: str) -> Any:
-        """Return the declared type of a field, as ``leaf_type``; KeyError or AttributeError if there is none."""
+        """Return the declared type of a field, as ``leaf_type``; KeyError or AttributeError if none exists."""
         prefix, own = split(name)
         return leaf_type(self.parts[prefix], own)
 

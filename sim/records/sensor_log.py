@@ -285,7 +285,7 @@ def smoother(
 
 
 def _spec(given: str | PluginSpec | type[Any]) -> PluginSpec:
-    """The plug-in of a name, with its fields as they are by default; of a class, or as it is given."""
+    """The plug-in of a name, with its fields as they are by default; of a class, or as given."""
     found = load("estimators", given) if isinstance(given, str) else given
     if isinstance(found, PluginSpec):
         return found
@@ -300,7 +300,7 @@ def _read(readings: Mapping[str, Array], k: int, t: float) -> tuple[Measurement,
 
 
 def _count(rows: Array) -> int:
-    """Number of readings among rows (n, m), NaN where there is none."""
+    """Number of readings among rows (n, m), NaN where none exists."""
     return int((~np.isnan(rows).all(axis=1)).sum())
 
 

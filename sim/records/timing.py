@@ -3,7 +3,7 @@
     share of the period   mean time of an answer / time from one to the next, 1 for a component in need of a whole core
     longer                number of answers that took longer than that: of a planner, plans that would have been late
 
-Each vehicle is a computer of its own. Another run of the same seed gives other figures and the same log, so none of
+Each vehicle is a separate computer. Another run of the same seed gives other figures and the same log, so none of
 them is in summary.json. Answers that compile kernels are not among them, for a run that compiles in its first planning
 periods is flown again; what the first answer imports is.
 """

@@ -4,7 +4,7 @@ Each answers as the project's own part does, except at some of its calls, drawn 
 consensus is chosen by the fields of ``simultaneous-arrival``; coordinators are no plug-ins of a scenario, so that
 ``HostileArrival`` is that scenario with others in their place.
 
-A coordinator that lies is left out: it acknowledges what it has not checked, or admits what nobody acknowledged, and no
+A coordinator that lies is left out: it acknowledges what it has not checked, or admits what no one acknowledged, and no
 boundary can notice. The page on guarantees says so.
 """
 

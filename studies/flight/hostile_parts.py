@@ -158,7 +158,7 @@ class HostilePlanner:
         self._kept: list[Plan] = []
 
     def __getattr__(self, name: str) -> Any:
-        """What else the planner offers, for instance to a fleet."""
+        """Other attributes of the planner, for instance for a fleet."""
         return getattr(self._planner, name)
 
     def plan(self, request: PlanRequest) -> Any:
@@ -252,7 +252,7 @@ class HostileTracker:
 
 
 class _Misdeeds:
-    """What an estimator does in place of answering as it should."""
+    """The misbehaviour of an estimator, in place of its answer."""
 
     def __init__(self, config: HostileFullStateConfig) -> None:
         self._misdeed, self._rng = config.misdeed, np.random.default_rng(config.draw)

@@ -43,7 +43,7 @@ class PolicyFlight:
 
     @staticmethod
     def build(config: PolicyConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
-        """Return a planner without a plan of its own, and the policy as a tracker."""
+        """Return a planner without its own plan, and the policy as a tracker."""
         return StandsStill(mission), PolicyTracker(config, mission)
 
 

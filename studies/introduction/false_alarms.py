@@ -1,4 +1,4 @@
-"""False alarms: how often does an estimator say that it is not OK where all is as it was declared?
+"""False alarms: how often does an estimator say that it is not OK where all is as declared?
 
 Every scenario with a sensor that has noise is flown as it is by default, with each estimator that fits it. An estimator
 begins when it is OK for the first time; from ``SETTLED`` later on, a status other than OK is an alarm, for nothing
@@ -38,7 +38,7 @@ VELOCITY = (
 
 
 class Flown(NamedTuple):
-    """A scenario as it is flown, with one estimator."""
+    """A scenario as flown, with one estimator."""
 
     scenario: str
     estimator: str

@@ -1,4 +1,4 @@
-"""A chart of many problems: a line for each, its figures as points beside each other, on log scales with limits."""
+"""A chart of many problems: a line for each, its figures as points next to each other, on log scales with limits."""
 
 from __future__ import annotations
 

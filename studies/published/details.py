@@ -6,7 +6,7 @@ from typing import TypedDict
 
 
 class Details(TypedDict, total=False):
-    """Fields of ``PublishedOptimum`` that are stated beside a statement; each as there."""
+    """Fields of ``PublishedOptimum`` that are stated next to a statement; each as there."""
 
     origin: float
     singular: bool

@@ -16,7 +16,7 @@ from mathnavi.studies.published import bocop, cops, optimal_control_jl, psopt
 from mathnavi.studies.published.optimum import PublishedOptimum
 
 COLLECTION = "collection: "
-"""what the names of the problems of ``controllers/ocp/problems`` begin with"""
+"""beginning of the names of the problems of ``controllers/ocp/problems``"""
 
 
 def _of_the_collection(name: str) -> PublishedOptimum:

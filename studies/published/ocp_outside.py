@@ -1,8 +1,8 @@
 """Published problems: every one of four collections by plain ``solve()``, one process for each.
 
 The lists (``library.PUBLISHED``: PSOPT, COPS 3, Bocop, OptimalControlProblems.jl with the dymos examples behind it)
-name every problem of their sources, with the optimum as it is printed. A problem that several sources have is solved
-once. Each is solved by ``solve()`` without an argument, in a process of its own on one core (``solving``).
+name every problem of their sources, with the optimum as printed. A problem that several sources have is solved
+once. Each is solved by ``solve()`` without an argument, in its own process on one core (``solving``).
 
 **Measured**: the status; J, as a value of the quantity that the source prints; the significant digit in which it first
 differs from the print; its relative error against the optimum by an independent transcription or in closed form; the

@@ -1,12 +1,12 @@
 """Whether last digits decide: each problem from guesses that differ by rounding, and on machines that round otherwise.
 
-Every problem of the collection and of the published lists is solved by plain ``solve()`` as it is stated; with its
+Every problem of the collection and of the published lists is solved by plain ``solve()`` as stated; with its
 guess perturbed by 1e-12 of the scale of each variable, several draws; and under other settings of libm and BLAS, which
 round as other processors do. Each solve has a process of its own (``solving``).
 
 A problem is settled if all of them end with the same status and, where that status has a solution, in the same J: the
 spread of J, largest minus least, is within 1e-6 of its distance from the origin, 1e-5 with a singular arc. A problem
-that is not solved within the limit of CPU time as it is stated is not settled, and is not solved again.
+that is not solved within the limit of CPU time as stated is not settled, and is not solved again.
 """
 
 from __future__ import annotations

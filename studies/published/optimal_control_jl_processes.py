@@ -49,7 +49,7 @@ def insurance() -> OptimalControlProblem:
             R = 1 - P + I - m,   H = 1.5 - γ t (1 - v),   U = 1 - e^(-10 R) + H,   U_R = 10 e^(-10 R),
             0 <= I, m <= 1.5,   0 <= h <= 25,   R, H, U >= 0,   U_R >= 0.001,   (I, m)(0) = (0, 0.001)
 
-    t is how ill somebody is, with the density f; m is the expense, I what the insurance pays, P its premium, R the
+    t is how ill someone is, with the density f; m is the expense, I what the insurance pays, P its premium, R the
     revenue that is left and H the health; γ = 0.2, λ = 0.25 (insurance.jl, from Bocop; R, H, U and U_R are controls
     with path equations there).
     """

@@ -1,4 +1,4 @@
-"""Plain ``solve()`` of one published problem in a process of its own, which cannot end its caller.
+"""Plain ``solve()`` of one published problem in its own process, which cannot end its caller.
 
     python -m mathnavi.studies.published.solving '{"problem": "PSOPT: breakwell", "draw": null, "setting": "as it is"}'
 

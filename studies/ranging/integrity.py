@@ -193,7 +193,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run."""
+    """Result of a run."""
 
     position: float  # share of the time from the fault on in which it is sure and wrong
     heading: float

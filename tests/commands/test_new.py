@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 import tomllib
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
+import matplotlib.pyplot as plt
 import pytest
 
 from mathnavi.commands.cli import main
 from mathnavi.commands.new import POINTS, Kind, class_of, contents, templates
 from tests.docs.test_blocks import blocks_of
+from tests.docs.test_notebooks import assert_form
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "how-to"
 KINDS = get_args(Kind)
@@ -72,6 +75,19 @@ def test_nothing_is_left_to_replace() -> None:
     assert class_of("my-robot_2") == "MyRobot2"
 
 
+def test_the_notebook_of_the_folder_runs_from_top_to_bottom(
+    made: tuple[str, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    kind, folder = made
+    assert_form(notebook := json.loads((folder / f"my_{kind}.ipynb").read_text(encoding="utf-8")))
+    names: dict[str, Any] = {}
+    for k, cell in enumerate(cell for cell in notebook["cells"] if cell["cell_type"] == "code"):
+        exec(compile("".join(cell["source"]), f"cell {k}", "exec"), names)
+    assert "nan" not in capsys.readouterr().out
+    assert names["run"].success
+    plt.close("all")
+
+
 PAGES = {  # page, its file, the class in it that has the name
     "planner": ("elevator.py", "UpAcrossDown"),
     "observer": ("luenberger.py", "Luenberger"),
@@ -88,15 +104,20 @@ def test_the_page_explains_the_code_that_is_made(kind: str) -> None:
     assert code == "\n\n\n".join(shown) + "\n"
 
 
-def test_the_page_of_the_rover_shows_parts_of_what_is_made() -> None:
-    code = contents("vehicle", "rover")
-    page = (DOCS / "rover.md").read_text(encoding="utf-8")
-    shown = re.findall(r"^```(?:py|xml)\n(?:# |<!-- )(\S+?)(?: -->)?\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
-    assert {file for file, _ in shown} == {
-        path for path in code if path.startswith("rover/") and "__init__" not in path
-    }
-    for file, text in shown:
-        for part in text.split("...\n"):
+@pytest.mark.parametrize(
+    ("page", "kind", "name", "files"),
+    [
+        ("rover", "vehicle", "rover", {"rover.xml", "vehicle.py", "estimator.py", "controller.py", "scenario.py"}),
+        ("terrain", "terrain", "fens", {"terrain.py", "pyproject.toml"}),
+    ],
+)
+def test_the_page_shows_parts_of_what_is_made(page: str, kind: str, name: str, files: set[str]) -> None:
+    code = contents(kind, name)
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^```(?:py|xml|toml)\n(?:# |<!-- )(\S+?)(?: -->)?\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    assert {file.removeprefix(f"{name}/") for file, _ in shown} == files
+    for file, excerpt in shown:
+        for part in excerpt.split("...\n"):
             assert part.strip("\n") in code[file], f"{file}:\n{part}"
 
 

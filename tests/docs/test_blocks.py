@@ -1,12 +1,7 @@
-"""The blocks of the pages under docs/ and of README.md, run as shown.
+"""The blocks of the pages under docs/ and of README.md (``docs/_ext/page_blocks.py``), run as shown.
 
-The blocks of a page are run in order, in one folder that is empty at first:
-
-    ```python     in one module per page
-    ```output     after a python block: what that block prints
-    ```console    lines "$ COMMAND", each followed by what it prints
-    ```python     of any language, with a first line "# NAME.py" or "<!-- NAME.xml -->": not run, but written to that
-                  file, or added to it where an earlier block has begun it
+The blocks of a page are run in order, in one folder that is empty at first. A block that is a file is written, or added
+to the file where an earlier block has begun it.
 
 A command that ends in a backslash goes on in the next line. Every one ends with exit status 0; after a first line
 "# exit N" the last of its block ends with N. Of what is printed, a line "..." stands for any lines and "..." within a
@@ -28,8 +23,6 @@ import shlex
 import subprocess
 import sys
 import types
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -38,35 +31,18 @@ from rich.console import Console
 
 from mathnavi.commands.cli import main
 from mathnavi.commands.progress import COMPILING, DURATION, flight_progress
+from tests.docs.extensions import load
 from tests.renders.drawn import needs_opengl
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
-FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+EXTENSION = load("page_blocks")
+Block, EXIT, blocks_of, commands_of = EXTENSION.Block, EXTENSION.EXIT, EXTENSION.blocks_of, EXTENSION.commands_of
 NOTICES = re.compile(
     rf"^{re.escape(COMPILING)}\s+\({re.escape(DURATION)}\)\n|^compiled \d+ kernels? in \d+ s, outside .*\n",
     re.MULTILINE,
 )
 """what is printed where kernels are compiled, as on a machine's first run"""
-FILE = re.compile(r"(?:# ([\w-]+\.\w+)|<!-- ([\w-]+\.\w+) -->)\n")
-
-
-@dataclass(frozen=True)
-class Block:
-    kind: str
-    text: str
-    line: int  # of the page, at which the text begins
-
-    @property
-    def file(self) -> str:
-        """The name of the file that the block shows; "" for what is run."""
-        named = FILE.match(self.text) if self.kind not in ("console", "output") else None
-        return (named[1] or named[2]) if named else ""
-
-
-def blocks_of(page: str) -> list[Block]:
-    blocks = [Block(found[1], found[2], page.count("\n", 0, found.start(2)) + 1) for found in FENCE.finditer(page)]
-    return [block for block in blocks if block.file or block.kind in ("python", "output", "console")]
 
 
 def shown(page: Path) -> list[Block]:
@@ -124,7 +100,7 @@ def run_page(blocks: list[Block], name: str, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def run_console(block: Block, name: str) -> None:
-    wanted = re.match(r"# exit (\d+)\n", block.text)
+    wanted = EXIT.match(block.text)
     commands = list(commands_of(block.text[wanted.end() :] if wanted else block.text))
     assert commands, f"{name}:{block.line}: a console block without a line that begins with $"
     for k, (command, output) in enumerate(commands):
@@ -132,22 +108,6 @@ def run_console(block: Block, name: str) -> None:
         expected = int(wanted[1]) if wanted and k == len(commands) - 1 else 0
         assert status == expected, f"{name}:{block.line}: $ {command} ended with {status}:\n{printed}"
         assert_prints(printed, output, f"{name}:{block.line}: $ {command}")
-
-
-def commands_of(text: str) -> Iterator[tuple[str, list[str]]]:
-    """Each command and the lines below it."""
-    command, output = "", list[str]()
-    for line in text.splitlines():
-        if command.endswith("\\"):
-            command = f"{command[:-1].rstrip()} {line.removeprefix('> ').strip()}"
-        elif line.startswith("$ "):
-            if command:
-                yield command, output
-            command, output = line[2:], []
-        else:
-            output.append(line)
-    if command:
-        yield command, output
 
 
 def run(command: str) -> tuple[int, str]:

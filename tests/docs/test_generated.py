@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 from typing import Annotated, Literal
 
 from annotated_types import Interval
 
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
-from tests.docs.test_site import DOCS
+from tests.docs.extensions import load
 
 
 @configuration
@@ -24,11 +23,7 @@ class Fields:
 
 
 def test_a_table_shows_bounds_default_and_meaning_of_every_field() -> None:
-    spec = importlib.util.spec_from_file_location("generated", DOCS / "_ext" / "generated.py")
-    assert spec is not None
-    assert spec.loader is not None
-    generated = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(generated)
+    generated = load("generated")
     rows = [row.strip("| ").split(" | ") for row in generated.table(Fields, "planner").splitlines()[3:]]
     assert rows == [
         ["`--planner.commit-speed`", "number", r"\>= 1 and \<= 1000", "`100`", r"least mean speed \[m/s\]"],

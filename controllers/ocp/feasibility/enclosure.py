@@ -5,7 +5,7 @@ holds them on the way (Picard), and by the differential inequalities of Müller
 
     l_i(t + d) = l_i + d min f_i(x, u, s; p)  over  x in Y, x_i near l_i, u in U, t <= s <= t + d,
 
-and h_i likewise, with interval arithmetic for the extrema (see ``intervals``) and within the bounds of the states. They
+and h_i also, with interval arithmetic for the extrema (see ``intervals``) and within the bounds of the states. They
 begin at the values that the start pins. Where no x(T) of the box meets the conditions at the end, or a constraint holds
 nowhere in it, no trajectory is feasible, whatever the transcription. The other way round nothing follows: a box may be
 larger than what can be reached.
@@ -111,7 +111,7 @@ def _proof(problem: ProblemFunctions, values: tuple[float, ...]) -> Proof | None
 
 
 def contradiction_at_ends(problem: ProblemFunctions, p: Array) -> Proof | None:
-    """The first condition that cannot hold at the start or the end with what is pinned there; None if there is none.
+    """The first condition that cannot hold at the start or the end with what is pinned there; None if absent.
 
     The duration may be any one within its limits and controls any within theirs. It is exact where all states that the
     condition depends on are pinned.

@@ -235,7 +235,7 @@ def _first(
 ) -> tuple[_Plan, Solution]:
     """First grid that the solver solves, and its solution; the last solution if it solves none.
 
-    The grid is that of the guess, or a uniform one. Each second programme has its rows as they are stated: which scales
+    The grid is that of the guess, or a uniform one. Each second programme has its rows as stated: which scales
     lead from a guess to a solution, chance decides.
     """
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0

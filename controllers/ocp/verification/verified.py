@@ -54,7 +54,7 @@ def verified(
 ) -> Solution:
     """Find out what a solution with the status OPTIMAL may be called.
 
-    Any other one is returned as it is, unless one of several other starts leads to a better one.
+    Any other one is returned unchanged, unless one of several other starts leads to a better one.
 
     Args:
         solution: with its replay, as a method returned it.

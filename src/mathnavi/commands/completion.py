@@ -157,7 +157,7 @@ def flags_of(described: Description) -> Flags:
 def plugin(kind: str, name: str, index: Index) -> Description:
     """Return the plug-in with a name, or at "package.module:Class".
 
-    Raises PluginError if there is none, or several have the name; LookupError if it cannot be imported.
+    Raises PluginError if none exists, or several have the name; LookupError if it cannot be imported.
     """
     (described,) = index.describe((kind, point_of(kind, name)))
     if described.error:

@@ -47,7 +47,7 @@ class CommonOptions:
 def main(command: str, argv: Sequence[str], load: Callable[[], Command], *, whole_process: bool) -> int:
     """Print the usage, or call the command, which ``load`` imports, and return the exit code.
 
-    A process of its own, in which every class is what its source says, first looks at the words by the index, which
+    A separate process, in which every class is what its source says, first looks at the words by the index, which
     raises HelpPrinted or BadInputError for them without the command.
     """
     if not argv:

@@ -1,4 +1,4 @@
-"""``mathnavi new``: a folder with a plug-in, its test and its metadata, which runs at once and is to be changed.
+"""``mathnavi new``: a folder with a plug-in, its test, its notebook and its metadata, which runs at once.
 
 The files are those of ``templates/KIND`` with ``@name@``, the package, ``@Name@``, the class, and ``@title@``, the name
 on the command line, replaced. They are written whole or not at all, into a folder that is new.
@@ -66,7 +66,7 @@ class NewOptions:
 
 
 def main(argv: Sequence[str]) -> int:
-    purpose = "Make a folder with a plug-in that runs at once: code, model, test, README and pyproject.toml."
+    purpose = "Make a folder with a plug-in that runs at once: code, model, test, notebook, README and pyproject.toml."
     (options,) = parse(argv, "mathnavi new", purpose, FlagGroup(NewOptions))
     flag, folder = ("NAME", Path(options.name)) if options.out is None else ("--out", options.out)
     check_name(options.kind, options.name)
@@ -146,5 +146,5 @@ def templates(kind: str) -> dict[str, str]:
     own = TEMPLATES / kind
     files = {path.relative_to(own).as_posix(): path for path in own.rglob(f"*{ENDING}")}
     files[f"pyproject.toml{ENDING}"] = TEMPLATES / f"pyproject.toml{ENDING}"
-    paths = sorted(files, key=lambda path: ("/" in path, path))
+    paths = sorted(files, key=lambda path: ("/" in path, not path.startswith("README"), path))
     return {path.removesuffix(ENDING): read_text(files[path], ValueError, MOST) for path in paths}

@@ -14,6 +14,7 @@ from mathnavi.interfaces.signals import Array
 
 _LARGEST_ITEM = 16  # bytes of a number
 _NUMBERS = "biuf"
+_SHOWN = 80  # characters of a reason
 _HDF5 = b"\x89HDF\r\n\x1a\n"  # of a file of version 7.3, after its own 512 bytes or none
 
 
@@ -39,8 +40,10 @@ def read_mat(path: Path, error: Refusal, most: int) -> tuple[dict[str, Array], d
         except error:
             raise
         except Exception as fault:  # a damaged file raises nearly anything
-            reason = str(fault) or type(fault).__name__
+            reason = ascii(str(fault))[1:_SHOWN] if str(fault) else type(fault).__name__  # it may cite binary data
             raise error(f"{path}: not a readable MATLAB file ({reason})") from None
+    if wrong := [name for name in content if not name.isprintable()]:
+        raise error(f"{path}: not a readable MATLAB file (an array is called {wrong[0]!a:.{_SHOWN}})")
     arrays: dict[str, Array] = {}
     texts: dict[str, str] = {}
     others: list[str] = []

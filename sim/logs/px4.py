@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
+from contextlib import redirect_stdout
 from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,37 +42,38 @@ class Px4Log:
         """Read a log; LogError for one that is damaged."""
         pyulog = extra("pyulog", "format px4")
         try:
-            content = pyulog.ULog(str(path))
+            with redirect_stdout(io.StringIO()):  # it prints what it finds damaged
+                content = pyulog.ULog(str(path))
+            return _log(path, content, config.stamp)
+        except LogError:
+            raise
         except Exception as fault:  # a damaged file raises nearly anything
             reason = str(fault).partition("\n")[0] or type(fault).__name__
             raise LogError(f"{path}: not a readable ULog ({reason})") from None
-        notes: list[str] = []
-        stamps = {}
-        for data in content.data_list:
-            name = f"{data.name} {data.multi_id}" if data.multi_id else data.name
-            stamps[name] = data.data.get(config.stamp, data.data[_STAMP])
-        if not any(len(each) for each in stamps.values()):
-            raise LogError(f"{path}: it has no topic with messages")
-        start = min(int(each.min()) for each in stamps.values() if len(each))
-        channels = {}
-        for data in content.data_list:
-            name = f"{data.name} {data.multi_id}" if data.multi_id else data.name
-            signals = tuple(each for each in data.data if not each.startswith(_STAMP))
-            if not len(stamps[name]) or not signals:
-                notes.append(f"{name} not read, which holds no numbers")
-                continue
-            since = (stamps[name].astype(np.int64) - start) / _MICROSECONDS
-            channels[name] = Channel(
-                since, np.column_stack([data.data[each] for each in signals]).astype(float), signals
-            )
-        if lost := len(content.dropouts):
-            longest = max(each.duration for each in content.dropouts)
-            notes.append(f"{counted(lost, 'dropout')} of the recorder, the longest {longest} ms")
-        if content.file_corruption:
-            notes.append("the file is damaged, and was read as far as possible")
-        facts = {name: str(value) for name, value in content.msg_info_dict.items() if isinstance(value, str)}
-        facts |= {name: f"{value:g}" for name, value in content.initial_parameters.items()}
-        return RecordedLog(
-            str(path), "log of PX4", channels, f"{config.stamp} since the start of the autopilot",
-            Decimal(start) / _MICROSECONDS, facts, tuple(notes),
-        )  # fmt: skip
+
+
+def _log(path: Path, content: Any, stamp: str) -> RecordedLog:
+    """The log in what ``pyulog`` has read."""
+    topics = {f"{data.name} {data.multi_id}" if data.multi_id else data.name: data.data for data in content.data_list}
+    stamps = {name: numbers.get(stamp, numbers[_STAMP]).astype(np.int64) for name, numbers in topics.items()}
+    if not any(len(each) for each in stamps.values()):
+        raise LogError(f"{path}: it has no topic with messages")
+    start = min(int(each.min()) for each in stamps.values() if len(each))
+    channels, notes = {}, []
+    for name, numbers in topics.items():
+        signals = tuple(each for each in numbers if not each.startswith(_STAMP))
+        if not len(stamps[name]) or not signals:
+            notes.append(f"{name} not read, which holds no numbers")
+            continue
+        values = np.column_stack([numbers[each] for each in signals]).astype(float)
+        channels[name] = Channel((stamps[name] - start) / _MICROSECONDS, values, signals)
+    if lost := len(content.dropouts):
+        longest = max(each.duration for each in content.dropouts)
+        notes.append(f"{counted(lost, 'dropout')} of the recorder, the longest {longest} ms")
+    if content.file_corruption:
+        notes.append("the file is damaged, and was read as far as possible")
+    facts = {name: str(value) for name, value in content.msg_info_dict.items() if isinstance(value, str)}
+    facts |= {name: f"{value:g}" for name, value in content.initial_parameters.items()}
+    clock = f"{stamp} since the start of the autopilot"
+    start_s = Decimal(start) / _MICROSECONDS
+    return RecordedLog(str(path), "log of PX4", channels, clock, start_s, facts, tuple(notes))

@@ -125,9 +125,25 @@ def test_a_log_of_px4(tmp_path: Path) -> None:
     assert log.facts["sys_name"] == "PX4"
     assert log.facts["MC_ROLL_P"] == "6.5"
     assert "1 dropout of the recorder, the longest 12 ms" in log.notes
-    (tmp_path / "cut.ulg").write_bytes(ulog()[:20])
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (b"", b""),
+        (b"timestamp", b"timestemp"),
+        (b"float MC_ROLL", b"flaot MC_ROLL"),
+        (b"gyro:uint64_t", b"gyro:uint64_x"),
+    ],
+)
+def test_a_damaged_log_of_px4_is_named_and_nothing_is_printed(
+    before: bytes, after: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut.ulg"
+    path.write_bytes(ulog().replace(before, after) if before else ulog()[:20])
     with pytest.raises(mn.LogError, match=r"cut.ulg: (not a readable ULog|it has no topic with messages)"):
-        mn.read_log(tmp_path / "cut.ulg")
+        mn.read_log(path)
+    assert capsys.readouterr().out == ""
 
 
 def ulog() -> bytes:

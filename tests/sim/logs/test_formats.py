@@ -183,3 +183,12 @@ def test_a_file_of_no_format_and_a_missing_one_are_named(tmp_path: Path) -> None
         mn.read_log(tmp_path / "nothing.csv")
     with pytest.raises(mn.PluginError, match="logs: 'rosbag' is not known"):
         mn.read_log(tmp_path / "photo.jpg", "rosbag")
+
+
+def test_what_a_damaged_file_cites_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mat"
+    scipy.io.savemat(path, {"time": np.arange(9.0)}, format="4")
+    path.write_bytes(path.read_bytes().replace(b"time", b"ti\nme"))
+    with pytest.raises(mn.LogError) as refused:
+        mn.read_log(path)
+    assert str(refused.value).isprintable()

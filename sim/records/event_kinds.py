@@ -49,7 +49,7 @@ ROUTINE: dict[str, str] = {  # what the loop is made for: plans that are dropped
     "not-finite": "A plan has numbers that are not finite, and was dropped.",
     "malformed": "A plan is none by its shape or its times, and was dropped.",
     "solver-failed": "The planner's solver found no plan; the one before goes on.",
-    "iteration-limit": "The solver stopped at its greatest number of iterations, with a plan that keeps its constraints.",
+    "iteration-limit": "The solver stopped at its most iterations, with a plan that keeps its constraints.",
     "estimate-names": "The names that an estimator declares do not fit its estimates.",
 }  # fmt: skip
 

@@ -67,6 +67,12 @@ def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[
     )  # fmt: skip
 
 
+def name_to_the_left(axes: Axes, x: float) -> bool:
+    """True where a name to the right of a place at ``x`` might leave the map."""
+    west, east = axes.get_xlim()
+    return x > west + 0.8 * (east - west)
+
+
 def draw_map(axes: Axes, terrain: HeightField, within: Array | None = None) -> None:
     """The hill-shaded map in ``axes`` [km], with a bar of a round length.
 
@@ -201,7 +207,7 @@ def terrain_figure(terrain: HeightField) -> Figure:
             low, high = float(values.min()), float(values.max())
             low, high = (low, high) if high - low > LEAST_RANGE else (low - LEAST_RANGE, high + LEAST_RANGE)
             share = np.full(values.size, 100.0 / values.size)
-            _, edges, bars = histogram.hist(values.ravel(), 60, (low, high), color=GROUND, weights=share)
+            _, edges, bars = histogram.hist(values.ravel(), 60, range=(low, high), color=GROUND, weights=share)
             histogram.set(xlabel=name, ylabel="share [%]")
             if row == 1:  # the bars are the scale of the map's colours
                 for bar, colour in zip(bars, tints(terrain, 0.5 * (edges[:-1] + edges[1:])), strict=True):

@@ -33,6 +33,7 @@ FLAGS = (
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader",  # WebGL without a graphics card
 )  # fmt: skip
 WIDTHS, HEIGHT = (390, 768, 1440), 900  # [pixels] of a telephone, a tablet and a screen
+TALLEST = 4000  # [pixels] that are taken at once; of more Chromium repeats the first ones
 PATIENCE = 120.0  # [s] for one page
 LEAST_COLOURS = 2000  # in a 3-D view that shows a terrain
 
@@ -187,6 +188,19 @@ def set_width(browser: Browser, width: int) -> None:
     browser.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
 
 
+def whole_page(browser: Browser, width: int) -> Image.Image:
+    """A picture of the page as it is at first, with the meanings of figures folded in."""
+    fold = "document.querySelectorAll('details.term').forEach((part) => { part.open = %s; })"
+    browser.value(fold % "false")
+    height = browser.value("document.documentElement.scrollHeight")
+    found = Image.new("RGB", (width, height))
+    for y in range(0, height, TALLEST):
+        part = browser.screenshot(x=0, y=y, width=width, height=min(TALLEST, height - y))
+        found.paste(Image.open(io.BytesIO(part)), (0, y))
+    browser.value(fold % "true")
+    return found
+
+
 def examine(
     browser: Browser, report: Path, theme: str, screenshots: Path | None, wanted: Sequence[str]
 ) -> tuple[list[str], str]:
@@ -221,9 +235,7 @@ def examine(
             wrong += [f"at {width} pixels {violation}" for violation in browser.value(AXE)]
         if screenshots is not None:
             screenshots.mkdir(parents=True, exist_ok=True)
-            height = browser.value("document.documentElement.scrollHeight")
-            picture = browser.screenshot(x=0, y=0, width=width, height=height)
-            (screenshots / f"{report.parent.name}-{report.stem}-{theme}-{width}.png").write_bytes(picture)
+            whole_page(browser, width).save(screenshots / f"{report.parent.name}-{report.stem}-{theme}-{width}.png")
     counts = ", ".join(f"{len(found[kind])} {kind}" for kind in ("drawings", "pictures", "views"))
     return said + wrong, counts
 
@@ -233,6 +245,7 @@ def main() -> int:
     parser.add_argument("program", help="the Chromium to open the reports with")
     parser.add_argument("reports", nargs="+", type=Path, metavar="REPORT.html")
     parser.add_argument("--flat", nargs="*", default=[], type=Path, metavar="REPORT.html", help="without a terrain")
+    parser.add_argument("--texts", nargs="*", default=[], type=Path, metavar="PAGE.html", help="without a drawing")
     parser.add_argument("--scenes", nargs="*", default=[], type=Path, metavar="PAGE.html", help="of a viewer")
     parser.add_argument("--screenshots", type=Path, metavar="FOLDER", help="keep a picture of each page here")
     arguments = parser.parse_args()
@@ -243,8 +256,11 @@ def main() -> int:
         Browser(arguments.program, profile) as browser,
     ):
         kinds = (
-            (arguments.reports, ("drawings", "views")), (arguments.flat, ("drawings",)), (arguments.scenes, ("views",)),
-        )  # fmt: skip
+            (arguments.reports, ("drawings", "views")),
+            (arguments.flat, ("drawings",)),
+            (arguments.scenes, ("views",)),
+            (arguments.texts, ()),
+        )
         for report, wanted in ((page, parts) for pages, parts in kinds for page in pages):
             for theme in ("light", "dark"):
                 wrong, counts = examine(browser, report, theme, arguments.screenshots, wanted)

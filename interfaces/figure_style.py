@@ -25,6 +25,7 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.grid": True,
+    "axes.formatter.useoffset": False,  # numbers of an axis are read as they stand
     "grid.color": GRID,
     "grid.linewidth": 0.5,
     "figure.facecolor": "none",

@@ -24,11 +24,12 @@ from mathnavi.interfaces.figure_style import STYLE as STYLE
 from mathnavi.interfaces.signals import Array, Event, Integers, Plan
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
-from mathnavi.renders.relief import relief
+from mathnavi.renders.relief import relief, tints
 from mathnavi.sim.records.run_folder import described
 
 GROUND = "#9a8468"
 MAP_PIXELS = 769  # along the longer side of a map's picture
+LEAST_RANGE = 0.5  # [m] or [degrees] of a histogram, to either side
 MAP_MARGIN, LEAST_PART = 0.15, 0.1  # about a part of a map, in its size; the smallest part, in sizes of the map
 LOWEST_DRAWN = 1.0  # [m] of clearance, on a log scale
 MOST_POINTS = 1500  # of a curve
@@ -64,6 +65,12 @@ def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[
         text, place, offset, textcoords="offset points", ha=side, va="center", color="white", weight="bold",
         path_effects=[patheffects.withStroke(linewidth=2.4, foreground="#101824")],
     )  # fmt: skip
+
+
+def name_to_the_left(axes: Axes, x: float) -> bool:
+    """True where a name to the right of a place at ``x`` might leave the map."""
+    west, east = axes.get_xlim()
+    return x > west + 0.8 * (east - west)
 
 
 def draw_map(axes: Axes, terrain: HeightField, within: Array | None = None) -> None:
@@ -171,9 +178,11 @@ def terrain_figure(terrain: HeightField) -> Figure:
         draw_map(axes, terrain)
         peak = np.unravel_index(int(np.argmax(terrain.z)), terrain.z.shape)
         top = (float(peak[1]) * terrain.spacing / 1e3, float(peak[0]) * terrain.spacing / 1e3)
-        axes.plot(*top, "^", ms=7, mfc="white", mec="#101824")
+        axes.plot(*top, "^", ms=7, mfc="white", mec="#101824", clip_on=False)
         side = "right" if top[0] > 0.8e-3 * terrain.width else "left"
-        name_place(axes, f"{terrain.z.max():.0f} m", top, (-8 if side == "right" else 8, 0), side)
+        beside = (-8.0 if side == "right" else 8.0, -9.0 * (top[1] > 0.97e-3 * terrain.depth))
+        beside = (beside[0], 9.0) if top[1] < 0.03e-3 * terrain.depth else beside
+        name_place(axes, f"{terrain.z.max():.0f} m", top, beside, side)
         axes.set_title(terrain.name)
         east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
         rise = np.stack(
@@ -195,6 +204,13 @@ def terrain_figure(terrain: HeightField) -> Figure:
             numbers.text(0.24, 0.94 - 0.22 * k, value, transform=numbers.transAxes)
         for row, (values, name) in enumerate(((terrain.z, "height [m]"), (slope, "slope [°]")), start=1):
             histogram = figure.add_subplot(grid[row, 1])
-            histogram.hist(values.ravel(), 60, color=GROUND, weights=np.full(values.size, 100.0 / values.size))
+            low, high = float(values.min()), float(values.max())
+            low, high = (low, high) if high - low > LEAST_RANGE else (low - LEAST_RANGE, high + LEAST_RANGE)
+            share = np.full(values.size, 100.0 / values.size)
+            _, edges, bars = histogram.hist(values.ravel(), 60, range=(low, high), color=GROUND, weights=share)
             histogram.set(xlabel=name, ylabel="share [%]")
+            if row == 1:  # the bars are the scale of the map's colours
+                for bar, colour in zip(bars, tints(terrain, 0.5 * (edges[:-1] + edges[1:])), strict=True):
+                    bar.set_facecolor(colour)
+                histogram.set_xlabel(f"{name}, in the colours of the map")
     return figure

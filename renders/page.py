@@ -114,10 +114,14 @@ def tiles(values: Mapping[str, object]) -> Markup:
 def term(key: str, *, unit: bool = False) -> Markup:
     """Name of a figure of a summary, with its ``unit`` in brackets if there is one, which opens what it means."""
     (shown, measure), meaning = label(key), definition(key)
-    name = text(f"{shown} [{measure}]" if unit and measure else shown)
+    return meant(f"{shown} [{measure}]" if unit and measure else shown, meaning)
+
+
+def meant(name: str, meaning: str) -> Markup:
+    """A name that opens its meaning, if it has one."""
     if not meaning:
-        return name
-    return Markup(f'<details class="term"><summary>{name}</summary><p>{text(meaning)}</p></details>')
+        return text(name)
+    return Markup(f'<details class="term"><summary>{text(name)}</summary><p>{text(meaning)}</p></details>')
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str = "") -> Markup:

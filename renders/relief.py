@@ -81,14 +81,35 @@ STYLES = {"canyon": SANDSTONE}  # by the first word of a terrain's name; mountai
 
 
 def resampled(terrain: HeightField, size: int, order: int) -> Array:
-    """(rows, cols) heights [m], row 0 south, the longer side ``size`` nodes; order 1 on the grid's edges, 3 smooth."""
+    """(rows, cols) heights [m], row 0 south, the longer side ``size`` nodes; order 1 on the grid's edges, 3 smooth.
+
+    Those of order 3 lie between the heights of the nodes about them: a step in the ground makes no waves beside it.
+    """
     rows, cols = terrain.z.shape
     longest = max(rows, cols) - 1
     shape = [max(2, round((size - 1) * (n - 1) / longest) + 1) for n in (rows, cols)]
     axes = [np.linspace(0.0, n - 1, m) for n, m in zip((rows, cols), shape, strict=True)]
     grid = np.meshgrid(*axes, indexing="ij")
-    heights: Array = ndimage.map_coordinates(terrain.z, grid, order=order, mode="nearest")
+    heights: Array = ndimage.map_coordinates(
+        terrain.z,
+        grid,
+        order=order,
+        mode="nearest",
+        prefilter=False,  # which a surface through all nodes would need
+    )
     return heights
+
+
+def tints(terrain: HeightField, heights: Array) -> Array:
+    """(..., 3) colours of the ground at heights (...) [m], as they are without rock, snow and shade."""
+    low, high = float(terrain.z.min()), float(terrain.z.max())
+    share = np.clip((heights - low) / max(high - low, 1.0), 0.0, 1.0)
+    own = _style(terrain).tints
+    return np.stack([np.interp(share, own[:, 0], own[:, k]) for k in (1, 2, 3)], axis=-1)
+
+
+def _style(terrain: HeightField) -> GroundStyle:
+    return STYLES.get(terrain.name.partition(" ")[0], MOUNTAINS)
 
 
 @lru_cache(maxsize=4)  # figures and pages over one terrain show it again and again
@@ -99,8 +120,7 @@ def relief(terrain: HeightField, size: int) -> Picture:
     north, east = np.gradient(z, spacing)
     low, high = float(terrain.z.min()), float(terrain.z.max())
     height = np.clip((z - low) / max(high - low, 1.0), 0.0, 1.0)
-    style = STYLES.get(terrain.name.partition(" ")[0], MOUNTAINS)
-    colour = np.stack([np.interp(height, style.tints[:, 0], style.tints[:, k]) for k in (1, 2, 3)], axis=-1)
+    style, colour = _style(terrain), tints(terrain, z)
 
     slope = np.hypot(east, north)
     roughness = np.clip(np.percentile(slope, 95), 0.05, 1.0)  # flat maps get their relief, too

@@ -24,6 +24,7 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
 from mathnavi.sim.plugin.trust import uninstalled
+from mathnavi.sim.records.event_kinds import event_definition
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
 from mathnavi.sim.records.timing import LATENCY, read_timing, slow_components, timing_table
@@ -157,7 +158,12 @@ def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:
     if not events:
         return page.paragraph("Nothing happened that is worth a line.")
     columns = ("time", *(["vehicle"] if by_vehicle else []), "kind", "message")
-    rows = [(f"{e.t:.2f} s", *([e.agent] if by_vehicle else []), *described(e)) for e in events[:MOST_EVENTS]]
+    shown, rows, named = events[:MOST_EVENTS], [], set()
+    for event in shown:
+        kind, message = described(event)
+        meaning = "" if event.kind in named else event_definition(event.kind)  # at the first one of each kind
+        named.add(event.kind)
+        rows.append((f"{event.t:.2f} s", *([event.agent] if by_vehicle else []), page.meant(kind, meaning), message))
     more = len(events) - MOST_EVENTS
     counted = page.paragraph(f"{more} more in events.jsonl.") if more > 0 else Markup("")
     title = f"{len(events)} event{'s' if len(events) > 1 else ''}"

@@ -80,8 +80,7 @@ def report(search: SearchPage, figure: Figure) -> Markup:
         "refused": sum(point.ending == "refused" for point in search.points),
         "failed": sum(point.ending == "failed" for point in search.points),
     }
-    name, unit = label(search.key)
-    named = f"{name} [{unit}]" if unit else name
+    named = page.term(search.key, unit=True)
     blocks = [
         page.heading(search.title, f"{search.verdict}.", None if violated else True),
         page.tiles(counts),

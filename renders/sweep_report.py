@@ -16,7 +16,7 @@ from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.writing import write_text
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
-from mathnavi.renders.page import UNKNOWN, Markup, number
+from mathnavi.renders.page import UNKNOWN, Markup, number, quantity
 from mathnavi.renders.statistics_figures import (
     SERIES,
     bands_figure,
@@ -71,7 +71,7 @@ def write_sweep_report(
 def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], command: str) -> Markup:
     """Return the page's HTML."""
     scenarios = ", ".join(dict.fromkeys(record.scenario for record in sweep.records))
-    title = f"{scenarios}: {counted(len(sweep.records), 'trial')}"
+    title = f"{scenarios}: {_found(sweep)}"
     return page.document(
         title,
         *_headline(title, sweep),
@@ -85,6 +85,21 @@ def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], c
         page.section("Do it again", *_again(sweep, command)),
         page.footer(f"Code: {', '.join(sorted({record.code for record in sweep.records}))}"),
     )
+
+
+def _found(sweep: Sweep) -> str:
+    """What a sweep found, in a few words: how many succeeded, and the least clearance of flights, with its seed."""
+    succeeded = sum(record.status == "ok" and record.success is True for record in sweep.records)
+    words = f"{succeeded:,} of {counted(len(sweep.records), 'trial')} succeeded"
+    known = [
+        (float(value), record.seed)
+        for record in sweep.records
+        if is_number(value := record.summary.get(CLEARANCE)) and np.isfinite(value)
+    ]
+    if not known:
+        return words
+    least, seed = min(known)
+    return f"{words}; least clearance {quantity(CLEARANCE, least)} (seed {seed})"
 
 
 def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:

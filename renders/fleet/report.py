@@ -24,6 +24,7 @@ from mathnavi.renders.figures import (
     draw_map,
     log_lengths,
     name_place,
+    name_to_the_left,
     thinned,
 )
 from mathnavi.renders.fleet.drawing import highlight, verdict
@@ -66,7 +67,10 @@ def _headline(run: FleetRun) -> Headline:
         f"least clearance (allowed {least:g} m)": shown["min_clearance_m"],
         "plans not admitted by the others": page.number(summary.get("plans_not_admitted")),
     }
-    return Headline(run.title, f"Of the fleet {verdict(run)}{why(summary)}.", SHORTFALL not in summary, tiles)
+    apart = summary.get("separation_min_m")
+    nearest = "" if apart is None else f"; least separation {quantity('separation_min_m', apart)}"
+    title = f"{run.title}: {verdict(run)}{nearest}"
+    return Headline(title, f"Of the fleet {verdict(run)}{why(summary)}.", SHORTFALL not in summary, tiles)
 
 
 def _scene(run: FleetRun) -> Markup:
@@ -142,14 +146,15 @@ def map_figure(run: FleetRun) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 6.9)
         whole, close = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
-        draw_map(whole, run.terrain)
+        flown = [flight.x[:, :2] for flight in run.flights]
+        draw_map(whole, run.terrain, np.vstack([*flown, run.slots[:, :2]]))
         draw_changes(whole, run.flights[0])
         outline = [patheffects.withStroke(linewidth=3.0, foreground="white", alpha=0.85)]
         for number, (flight, colour, name) in enumerate(_each(run), start=1):
             path = flight.x[thinned(len(run.t), 0), :2] / 1e3
             whole.plot(*path.T, color=colour, lw=1.8, label=name, path_effects=outline)
             whole.plot(*path[0], "o", ms=6, mfc=colour, mec="#101824")
-            left = path[0, 0] > 0.8e-3 * run.terrain.width
+            left = name_to_the_left(whole, path[0, 0])
             name_place(
                 whole, str(number), (path[0, 0], path[0, 1]), (-7 if left else 7, 0), "right" if left else "left"
             )

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from mathnavi.interfaces.signals import Array
 from mathnavi.renders import figures, page
 from mathnavi.renders.figures import (
     BOUND,
@@ -23,6 +24,7 @@ from mathnavi.renders.figures import (
     draw_map,
     log_lengths,
     name_place,
+    name_to_the_left,
     thinned,
 )
 from mathnavi.renders.flight.run_data import FlightRun
@@ -58,7 +60,21 @@ def _headline(run: FlightRun) -> Headline:
         "radar exposure": shown["radar_exposure_s"],
     }
     good = arrived and safe and SHORTFALL not in summary
-    return Headline(run.title, f"The vehicle {verdict}{why(summary)}.", good, tiles)
+    return Headline(
+        f"{run.title}: {found(run, run.above_ground)}", f"The vehicle {verdict}{why(summary)}.", good, tiles
+    )
+
+
+def found(run: FlightRun, clearance: Array) -> str:
+    """Return the outcome of a flight in a few words; the time of its least clearance is that of ``clearance`` (n,)."""
+    summary = run.summary
+    arrived = (
+        f"arrived after {run.duration:.1f} s" if summary.get("arrived") else f"not arrived in {run.duration:.1f} s"
+    )
+    if summary.get("min_clearance_m") is None or not np.isfinite(clearance).any():
+        return arrived
+    least = quantity("min_clearance_m", summary["min_clearance_m"])
+    return f"{arrived}; least clearance {least} at {run.t[np.nanargmin(clearance)]:.0f} s"
 
 
 def _scene(run: FlightRun) -> Markup:
@@ -85,7 +101,7 @@ def _figures(run: FlightRun) -> list[Drawn]:
         (
             "map",
             map_figure(run),
-            f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target.{_shorter(run)}",
+            f"Hill-shaded map of {run.terrain.name} about the path, with radars, start and target.{_shorter(run)}",
         ),
         (
             "profile",
@@ -122,7 +138,8 @@ def map_figure(run: FlightRun) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = canvas(7.6, 7.2)
         axes = figure.add_subplot()
-        draw_map(axes, run.terrain)
+        ends = np.vstack([run.mission.start, run.mission.target, run.mission.target_at(run.duration)])[:, :2]
+        draw_map(axes, run.terrain, np.vstack([run.x[:, :2], ends]))
         outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
         draw_changes(axes, run)
         if run.log.plans:
@@ -137,7 +154,7 @@ def map_figure(run: FlightRun) -> Figure:
         axes.plot(x, y, color=colour_of(SceneElement.FLOWN), lw=2.0, label="flown", path_effects=outline)
         for part, place in ((SceneElement.START, run.mission.start), (SceneElement.TARGET, run.mission.target)):
             axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=colour_of(part), mec="#101824", mew=1.4)
-            left = place[0] > 0.8 * run.terrain.width
+            left = name_to_the_left(axes, place[0] / 1e3)
             if part is SceneElement.TARGET and len(run.mission.target_path):
                 way = np.vstack([place, run.mission.target_path[:, 1:]])[:, :2] / 1e3
                 axes.plot(way[:, 0], way[:, 1], "--", color=colour_of(part), lw=1.6, path_effects=outline)

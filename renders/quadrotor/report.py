@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mathnavi.models.quadrotor.dynamics import ROTORS
 from mathnavi.renders import page
 from mathnavi.renders.figures import BOUND, STYLE, canvas, thinned
-from mathnavi.renders.flight.report import map_figure, profile_figure
+from mathnavi.renders.flight.report import found, map_figure, profile_figure
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import COLOURS, VEHICLES, SceneElement, hexadecimal
 from mathnavi.renders.quadrotor.drawing import highlight
@@ -52,7 +52,9 @@ def _headline(run: QuadrotorRun) -> Headline:
         "path flown": f"{flight.travelled[-1]:.0f} m",
     }
     good = arrived and safe and SHORTFALL not in summary
-    return Headline(flight.title, f"The quadrotor {verdict}{why(summary)}.", good, tiles)
+    return Headline(
+        f"{flight.title}: {found(flight, run.clearance)}", f"The quadrotor {verdict}{why(summary)}.", good, tiles
+    )
 
 
 def _scene(run: QuadrotorRun) -> Markup:

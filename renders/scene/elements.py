@@ -244,7 +244,7 @@ class Scene:
     lines: Sequence[Lines] = ()
     marks: Sequence[Mark] = ()
     charts: Sequence[Chart] = ()
-    events: Sequence[tuple[float, str]] = ()
+    events: Sequence[tuple[float, str, bool]] = ()  # time [s], words, and whether it is an alarm
     facts: Sequence[tuple[str, str]] = ()  # name, value with its unit
     ground: HeightField | None = None
     floor: float | None = None  # [m] height of the level floor that shadows fall on

@@ -39,7 +39,9 @@ def side_by_side(scenes: Mapping[str, Scene]) -> Scene:
         lines=[lines for part in parts for lines in part.lines()],
         marks=[mark for part in parts for mark in part.marks()],
         charts=_charts(scenes),
-        events=sorted((t, f"{name}: {words}") for name, scene in scenes.items() for t, words in scene.events),
+        events=sorted(
+            (t, f"{name}: {words}", alarm) for name, scene in scenes.items() for t, words, alarm in scene.events
+        ),
         facts=_facts(each),
         ground=next((scene.ground for scene in each if scene.ground is not None), None),
         floor=next((scene.floor for scene in each if scene.floor is not None), None),

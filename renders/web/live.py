@@ -31,6 +31,7 @@ from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import names_of
 from mathnavi.sim.engine.loop import Loop
 from mathnavi.sim.engine.plant import MujocoPlant
+from mathnavi.sim.records.event_kinds import is_alarm
 from mathnavi.sim.records.missions import ChangingFlightRecord, FleetRecord, read_mission
 from mathnavi.sim.records.run_folder import described
 from mathnavi.sim.scenarios.declared_signals import Estimands, true_values
@@ -170,7 +171,7 @@ class LiveScene:
             following = len(self._samples)
             events = list(self._recorded[: self._events]) if samples else []
         names = list(samples[0]["motions"]) if samples else []
-        worded = [(event.t, event.agent, *described(event)) for event in events]
+        worded = [(event.t, *described(event), is_alarm(event)) for event in events]
         return {
             "next": following,
             "t": [sample["t"] for sample in samples],
@@ -183,7 +184,7 @@ class LiveScene:
             },
             "charts": [sample["charts"] for sample in samples],
             "plans": plans,
-            "events": [[t, f"{kind}: {details}" if details else kind] for t, _, kind, details in worded],
+            "events": [[t, f"{kind}: {details}" if details else kind, alarm] for t, kind, details, alarm in worded],
         }
 
     def _poses(self, loop: Loop) -> dict[str, tuple[list[float], list[float]]]:

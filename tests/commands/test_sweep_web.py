@@ -39,7 +39,8 @@ def test_the_page_shows_the_trials_that_are_stored(tmp_path: Path, capsys: pytes
         with pytest.raises(urllib.error.HTTPError, match="400"):
             urllib.request.urlopen(f"{sweep.url}view?trial=0", timeout=600.0)
     assert 'http-equiv="refresh"' in page
-    assert "range-localisation: 2 trials" in page
+    assert re.search("<h1>range-localisation: [0-2] of 2 trials succeeded</h1>", page)
+    assert 'a trial of <a href="./">range-localisation</a>' in run
     assert "&lt;2&gt; of 2 trials" in page
     sweep.ended = True
     assert 'http-equiv="refresh"' not in sweep.page()

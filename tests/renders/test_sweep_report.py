@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -175,6 +176,9 @@ def test_missions_in_which_the_planner_had_no_part_are_counted_and_named(tmp_pat
     text = write_sweep_report(tmp_path / "sweep.html", [*flown, alone], [], None, [], COMMAND).read_text()
     assert "Every mission succeeded." not in text
     assert "1 of the missions was flown without the planner." in text
+    assert re.search(
+        r"<h1>safe-flight: [0-9] of 4 trials succeeded; least clearance [0-9.]+ m \(seed [0-9]+\)</h1>", text
+    )
     assert NEVER_ANSWERED in text
 
 

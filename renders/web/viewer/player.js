@@ -129,8 +129,8 @@ class Player {
     this.setTicks(); $("bar").hidden = !this.scene.duration;
   }
   setTicks() {
-    $("ticks").replaceChildren(...this.scene.events.map(([t, words]) => {
-      const tick = document.createElement("i"); tick.style.left = `${100 * t / this.scene.duration}%`; tick.title = words; return tick;
+    $("ticks").replaceChildren(...this.scene.events.map(([t, words, alarm]) => {
+      const tick = document.createElement("i"); tick.style.left = `${100 * t / this.scene.duration}%`; tick.title = words; tick.className = alarm ? "alarm" : ""; return tick;
     }));
   }
   setLegend() {
@@ -199,7 +199,8 @@ class Player {
     this.stale = false;
     $("scrub").value = t; $("time").textContent = `${t.toFixed(scene.duration < 20 ? 2 : 1)} of ${scene.duration.toFixed(scene.duration < 20 ? 2 : 1)} s`;
     const held = HELD * Math.max(Number($("speed").value), scene.duration / 200), recent = scene.events.filter(([at]) => at <= t + 1e-6 && at > t - held);
-    $("event").textContent = recent.length ? `${recent.at(-1)[0].toFixed(1)} s: ${recent.at(-1)[1]}` : "";
+    const shown = recent.findLast(([, , alarm]) => alarm) ?? recent.at(-1); // an alarm stays over the routine after it
+    $("event").textContent = shown ? `${shown[0].toFixed(1)} s: ${shown[1]}` : ""; $("event").className = shown?.[2] ? "alarm" : "";
     if (this.stage) this.drawStage();
     document.body.dataset.drawn = ++this.drawn;
   }

@@ -73,7 +73,9 @@ class FollowedSweep:
             if content not in self._views:
                 with TemporaryDirectory() as folder:
                     self.trials[content].flown().write(Path(folder))
-                    self._views[content] = page_of([Path(folder)], None)
+                    page = page_of([Path(folder)], None)
+                    title = '<h1 id="title"></h1>'
+                    self._views[content] = page.replace(title, f"{title}\n    {self._back()}", 1)
             return self._views[content]
 
     def show_ended(self) -> None:
@@ -125,6 +127,12 @@ class FollowedSweep:
         ]
         heads = ("run", *self.varied, "success", *([] if key is None else [label(key)[0]]))
         return section("Worst runs", card(table(heads, rows, "A link flies the trial again and shows the run.")))
+
+    def _back(self) -> str:
+        """Return the link from a trial's page to that of the sweep."""
+        token = urlsplit(self.url).query
+        address = html.escape(f"./{f'?{token}' if token else ''}")
+        return f'<p id="of">a trial of <a href="{address}">{html.escape(self.name)}</a></p>'
 
     def _link(self, content: str) -> str:
         """Return the address at which a trial is shown, with the token of the server if it has one."""

@@ -82,6 +82,9 @@ def test_with_drawing_switched_off_the_report_of_a_vehicle_that_did_not_arrive_s
     assert "MUJOCO_GL = disable switches drawing off" in text
     assert "apt-get" not in text
     assert "did not arrive, and came too close to the ground" in text
+    title = re.search("<h1>(.*?)</h1>", text)
+    assert title is not None
+    assert re.search(r": not arrived in [0-9.]+ s; least clearance -3.00 m at [0-9]+ s$", title[1])
     shown = dict(re.findall(r"<tr><th[^>]*>(?:<details[^>]*><summary>)?([^<]*)<.*?<td[^>]*>([^<]*)</td>", text))
     assert shown["deadline"] == "276.4 s"
     assert shown["tracking error max"] == "&lt; 0.001 m"

@@ -48,7 +48,7 @@ def scene(shift: float, duration: float = 2.0, unit: str = "m") -> Scene:
         ],
         [Mark("target", (1.0, 1.0, 0.0), places[-1]), Mark("home", (1.0, 1.0, 1.0), np.zeros(3))],
         [Chart("height", "m", [curve("", TRUTH, T, T + shift)]), Chart("speed", unit, [curve("", TRUTH, T, T)], [3.0])],
-        [(0.5 + shift, "landed")],
+        [(0.5 + shift, "landed", False)],
         [("arrived", "yes"), ("shift", f"{shift:g} m")],
     )  # fmt: skip
 
@@ -68,7 +68,7 @@ def test_what_runs_have_in_common_is_shown_once_and_the_rest_by_run() -> None:
     assert {mark.text for mark in found.marks} == {"calm", "windy", "home", "calm: target", "windy: target"}
     assert [camera.name for camera in found.cameras] == ["top", "calm: follow", "windy: follow"]
     assert found.cameras[1].follow == "calm/vehicle"
-    assert found.events == [(0.5, "calm: landed"), (0.75, "windy: landed")]
+    assert found.events == [(0.5, "calm: landed", False), (0.75, "windy: landed", False)]
     assert found.facts == [("arrived", "yes"), ("shift", "0 m · 0.25 m")]
 
 

@@ -14,7 +14,7 @@ from mathnavi.interfaces.writing import write_text
 
 
 def page_of(folder: Path, speed: float | None) -> str:
-    """Return the page of the run in a folder; BadInputError if there is none that can be shown."""
+    """Return the page of the run in a folder; BadInputError if it cannot be shown."""
     from mathnavi.renders.web.document import document  # what draws takes a while to import
     from mathnavi.renders.web.scene import read_scene
 

@@ -126,7 +126,7 @@ def is_late(t: float, now: float | None) -> bool:
 
 
 def time_ahead(t: float, now: float) -> float:
-    """Time [s] from ``now`` [s], that of a filter's state, to t [s], at which it is asked for an estimate.
+    """Time [s] from ``now`` [s], that of a filter's state, to t [s], at which an estimate is due.
 
     Raises ArgumentError if t is past.
     """

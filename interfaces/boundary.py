@@ -222,7 +222,7 @@ def usable_estimate(
 def _usable_as_it_is(
     answer: Any, t: float, before: Estimate, age: float, unflyable: Callable[[Estimate], str] | None
 ) -> bool:
-    """Return True for an estimate in which there is nothing to convert; this is asked at every control step."""
+    """Return True for an estimate in which there is nothing to convert; called at every control step."""
     if not (isinstance(answer, Estimate) and isinstance(answer.status, Status)):
         return False
     x, P = answer.x, answer.covariance

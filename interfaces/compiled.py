@@ -156,7 +156,7 @@ def kernel_folder() -> Path | None:
 
 
 def compiler() -> tuple[str, ...]:
-    """Return all that machine code depends on besides the sources: versions, processor and options of the compiler."""
+    """Return all that machine code depends on, sources excepted: versions, processor and options of the compiler."""
     versions = numba.__version__, llvmlite.__version__, np.__version__, str(sys.implementation.cache_tag), sys.abiflags
     return *versions, *_processor(), *(repr(getattr(_CONFIG, name, None)) for name in _OPTIONS)
 

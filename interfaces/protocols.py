@@ -143,7 +143,7 @@ class Plant(Protocol):
 
 @runtime_checkable
 class PlantWithSignalNames(Plant, Protocol):
-    """Plant that names the signals of its vehicles besides their states; the log has the names."""
+    """Plant that names the signals of its vehicles in addition to their states; the log has the names."""
 
     def signal_names(self, name: str) -> SignalNames:
         """Return the names of a vehicle's states, inputs and readings, and the groups in which they are drawn."""

@@ -73,7 +73,7 @@ class SolverProcess:
     def solve(self, solver: RemoteSolver, seconds: float, stop: Stop | None = None) -> ProcessReport:
         """Solve with a solver's arguments within ``seconds`` of CPU time; its results are in its arrays afterwards.
 
-        ``stop`` is asked meanwhile; where it says so the child is ended, and there is no result.
+        ``stop`` is called meanwhile; where it returns True the child is ended, and there is no result.
         """
         with self._lock:
             if self._child is None or self._owner != os.getpid():

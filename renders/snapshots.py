@@ -50,7 +50,7 @@ class Snapshots:
     ) -> Picture:
         """The picture (height, width, 3) of a state; NoOpenGLError if the process that draws has ended.
 
-        ``ground`` is drawn as in videos, in the place of the model's height field; None for the model as it is.
+        ``ground`` is drawn as in videos, in the place of the model's height field; None for the model unchanged.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None

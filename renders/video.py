@@ -156,7 +156,7 @@ def write_still(
 def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
     """The pictures (height, width, 3) of the frames, in order; close the iterator to stop the processes that draw.
 
-    They begin at once, before the first picture is asked for.
+    They begin at once, before the first picture is requested.
     """
     pictures = _drawn(directory, frames, width, height, samples)
     next(pictures)

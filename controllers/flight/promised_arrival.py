@@ -1,4 +1,4 @@
-"""The deadline by which a certified flight arrives: what moves it, and what is said of it.
+"""The deadline by which a certified flight arrives: what moves it, and its announcements.
 
 It is D = t_s + gamma V, of the first plan, which starts at t_s and lasts V. A missed pass, a plan made again and a
 target that moved put it off; each is a note on the plan with which that happens.

@@ -145,7 +145,7 @@ def _inside(surface: SwitchingSurface, solution: SolutionView, time: float, jump
 
 
 def _at_node(solution: SolutionView, time: float) -> float:
-    """The time [s] of the node at a time; the time itself where there is none."""
+    """The time [s] of the node at a time; the time itself where no node lies."""
     i = int(np.abs(solution.t - time).argmin())
     held = i in solution.surface_nodes  # a hair before the surface, however narrow its intervals are
     width = solution.duration / (solution.nodes - 1) if held else np.diff(solution.t)[max(i - 1, 0) : i + 1].min()

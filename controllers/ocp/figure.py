@@ -40,7 +40,7 @@ STATE, CONTROL, CONSTRAINT, DUAL = SERIES[0], SERIES[1], SERIES[4], SERIES[2]
 
 
 class JudgedSolution(SolutionView, Protocol):
-    """Interface of a solution as a figure needs it: with what is said of Pontryagin's conditions."""
+    """Interface of a solution as a figure needs it: with the verdict on Pontryagin's conditions."""
 
     @property
     def conditions(self) -> PontryaginCheck | None: ...

@@ -1,7 +1,7 @@
 """Bounds of controls that a path constraint implies: |u_j| <= 1 next to u'u <= 1, for one.
 
 They add nothing, but where one of them holds its slope is that of the constraint: multipliers are not unique there, and
-a barrier keeps the solution away from a limit that is none. So a programme is better off without them.
+a barrier keeps the solution away from a limit that never acts. So a programme is better off without them.
 """
 
 from __future__ import annotations

@@ -198,7 +198,7 @@ def bounded_controls(problem: ProblemFunctions) -> list[int]:
 
 
 def fractions_between(scheme: Scheme) -> tuple[float, ...]:
-    """Fractions of an interval, besides the scheme's points, where bounds of a control that may jump at nodes hold.
+    """Fractions of an interval, other than the scheme's points, where bounds of a control that may jump at nodes hold.
 
     The start, where the control is extrapolated, and the middles between two points; empty for a control that is held
     or shared between intervals.

@@ -428,7 +428,7 @@ class OptimalControlProblem:
                 jumps or has a kink. Those of linear tables of the time, of comparisons with it, and of ``at()`` are
                 known. Where the duration is free they need "auto" without nodes, and those that are later than T do
                 nothing.
-            replay: False, for a number of nodes that is given, returns the solution of the programme as it is, in a
+            replay: False, for a number of nodes that is given, returns the solution of the programme unchanged, in a
                 loop that has no time for more: its status is at best CONVERGED.
             verify: True to bound the error of J on two finer meshes, which takes about one more solve; False for the
                 second-order condition alone. None: True, but for "direct" and where a number of nodes is given to

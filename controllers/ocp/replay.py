@@ -5,7 +5,7 @@ solution is replayed from x(0) with what its actuators can do: the control as th
 its bounds. The miss at the end, the violation on the way and the cost error are reported separately, and so is the
 excess of the scheme's control over its bounds. Where a replay is ill-posed, because the linearised flow of the open
 loop grows beyond 1e4, each interval is integrated from its own node instead, and the scaled defects are added up; the
-miss of the flight in one piece is reported beside them.
+miss of the flight in one piece is reported next to them.
 Intervals inside which all is smooth are integrated together, others by an integrator with step-size control.
 
 **Picard's iteration** on Gauss points integrates a solution's saturated control on all intervals at once.

@@ -116,7 +116,7 @@ class Transcription:
                 transcription has. None for a transcription of one arc.
             explained: True if a programme that found no feasible point is examined: which constraints cannot hold
                 together, of one without arcs, and whether it is proved that the problem has none.
-            plain_rows: True for rows as they are stated, without their own scales.
+            plain_rows: True for rows as stated, without their own scales.
 
         Raises:
             ProblemError: for a grid of another number of nodes, parameters of another shape, arcs that do not fit, and

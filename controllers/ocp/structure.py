@@ -181,7 +181,7 @@ def _held(codes: list[tuple[Integers, Array]], at: Array) -> Integers:
 def linear_controls(problem: ProblemFunctions) -> NDArray[np.bool_]:
     """Controls (nu,) that enter dynamics and running cost linearly, and no path constraint otherwise.
 
-    The rates of clocks are none: they are constants of arcs.
+    The rates of clocks do not count: they are constants of arcs.
     """
     x, u, t, p = problem.dynamics.sx_in()
     outputs = ca.vertcat(problem.dynamics(x, u, t, p), problem.running_cost(x, u, t, p), problem.path(x, u, t, p))

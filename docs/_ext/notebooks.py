@@ -1,4 +1,4 @@
-"""A notebook of every page whose Python is run, ``PAGE.ipynb`` beside it, with a link on the page.
+"""A notebook of every page whose Python is run, ``PAGE.ipynb`` next to it, with a link on the page.
 
 The cells are the page's blocks (``page_blocks``), which the tests run, and the prose between them: Python as it stands,
 a file as ``%%writefile``, commands as ``%%bash``; what the page shows as printed is their output. The first cell goes
@@ -124,7 +124,7 @@ def _prose(text: str, name: str, github: str) -> str:
 
 
 def _address(target: str, name: str, github: str) -> str:
-    """Return where a link of a page leads from its notebook: in the repository, or in the built pages beside it."""
+    """Return where a link of a page leads from its notebook: in the repository, or in the built pages."""
     parts = urlsplit(target)
     if parts.scheme or not parts.path:
         return target

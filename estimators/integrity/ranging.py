@@ -205,7 +205,7 @@ def without_odometry(mission: RangingMission) -> RangingMission:
 
 
 def begun_at(estimate: Estimate, mission: RangingMission, build: Build) -> Estimator | None:
-    """The estimator of a mission that begins at an estimate; None where the estimate is none, or no place to be."""
+    """The estimator of a mission that begins at an estimate; None where the estimate is unknown, or no place to be."""
     P = estimate.covariance
     if P is None or not is_plausible(estimate):
         return None

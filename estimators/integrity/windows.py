@@ -13,7 +13,7 @@ updates if the estimate is consistent. Of windows of n updates, at the level alp
     joint     sum w'w / kappa                over chi2_c(alpha)          a pose that is another
 
 c the number of innovations in the window. A ratio above one is an alarm. e^2 and w'w count as at most 4 deviations, and
-a mean is that of smaller e, so that one outlier is none. The level is shared by Bonferroni's inequality over all tests
+a mean is that of smaller e, so a single outlier is no alarm. The level is shared, by Bonferroni, over all tests
 and all times of a horizon, whatever their dependence: alpha = P / (tests x updates in the horizon), P being the
 probability of a false alarm in it.
 """

@@ -212,7 +212,7 @@ class FloatingBaseIekf:
         )
 
     def _is_known(self, reading: Measurement, order: Mapping[str, int]) -> bool:
-        """True for a reading of a sensor of its own that is finite and not late; others are counted."""
+        """True for a reading of one of its sensors that is finite and not late; others are counted."""
         reason = None
         if reading.name not in order:
             reason = Unused.UNKNOWN_SENSOR

@@ -135,7 +135,7 @@ def _followed(
 
 
 def _next(equations: Equations, x: Array, tangent: Array, ds: float) -> tuple[Array, Array] | None:
-    """The next point and the tangent there; None if there is none, or if it may belong to another branch."""
+    """The next point and the tangent there; None if it was not found, or if it may belong to another branch."""
     found = corrected(equations, x + ds * tangent, tangent)
     if found is None or np.linalg.norm(found - x) > _STRAIGHT * ds:
         return None

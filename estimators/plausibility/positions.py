@@ -1,6 +1,6 @@
 """Check of position readings against the model of a Lagrangian system: its limits, its motion, its greatest speed.
 
-The readings contradict the model as they are if a joint is beyond its limits most of the time or moves farther than
+The readings contradict the model if a joint is beyond its limits most of the time or moves farther than
 they are apart, if the model does not explain half of an acceleration, or if the mean speed is several times the
 greatest that is declared. They are then read in other ways: hinges in degrees, turns, or the other way round, slides in
 millimetres or centimetres, by a gear, quaternions with the scalar last. A way is named if it removes the contradiction.

@@ -90,7 +90,7 @@ class RangeReader:
         self.counts.add(Unused.LATE, int(np.isfinite(reading.value).sum()))
 
     def odometry(self, measurements: Sequence[Measurement]) -> Array | None:
-        """Newest odometry (2,) [m/s, rad/s]; None if there is none that is finite and not far beyond the limits of the
+        """Newest odometry (2,) [m/s, rad/s]; None without one that is finite and not far beyond the limits of the
         robot. ArgumentError for a reading of another length.
         """
         found = None

@@ -1,4 +1,4 @@
-"""Covariance of the errors of an observer with given gains: it has no covariance of its own.
+"""Covariance of the errors of an observer with given gains: the observer itself has no covariance.
 
 Of every coordinate, the errors e = (e_x, e_v, e_a) of position, velocity and, where it is estimated, of the
 acceleration that the model lacks go from reading to reading as

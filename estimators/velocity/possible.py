@@ -20,7 +20,7 @@ _ROUNDING = 1e-9  # of an eigenvalue, of the greatest one with the variances sca
 
 
 def possible_or_lost(mission: object, estimate: Estimate) -> Estimate:
-    """Return an estimate as it is if it can be true; else LOST, and its message says what it cannot be.
+    """Return an estimate unchanged if it can be true; else LOST, and its message says what it cannot be.
 
     One that is INITIALISING claims nothing, and stays. Estimates of other missions than a ``LagrangianMission`` are
     returned unchanged.

@@ -129,7 +129,7 @@ class ReadingErrors:
         self._used[coordinates] = False
 
     def doubted(self, estimate: Estimate) -> Estimate:
-        """Return an estimate as it is, or DEGRADED if it is OK while the errors of its readings are not as declared,
+        """Return an estimate unchanged, or DEGRADED if it is OK while the errors of its readings are not as declared,
         or not known.
         """
         doubt = self.doubt if estimate.status is Status.OK else ""
@@ -255,7 +255,7 @@ def _refine(
 
 @njit(cache=True, nogil=True)
 def _common_step(a: float, b: float) -> float:
-    """Greatest step of which a >= b are multiples; b if a is infinite, 0 if there is none that matters."""
+    """Greatest step of which a >= b are multiples; b if a is infinite, 0 if none matters."""
     if not math.isfinite(a):
         return b
     while b > _LEAST:

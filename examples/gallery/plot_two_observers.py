@@ -2,7 +2,7 @@
 Compare two observers on one scenario
 =====================================
 
-Both see the same readings of the same system. An observer of your own is passed in the same way,
+Both see the same readings of the same system. Your own observer is passed in the same way,
 ``estimator=MyObserver``: a class with a ``Config`` and a static ``build``.
 """
 

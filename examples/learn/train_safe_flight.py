@@ -1,6 +1,6 @@
 """Train a stock PPO to fly a point mass across real mountains to its target, touching nothing.
 
-    pip install -e '.[learn]'        # a CPU build of PyTorch is enough
+    pip install 'mathnavi[learn]'        # a CPU build of PyTorch is enough
     python examples/learn/train_safe_flight.py --minutes 60 --out out/learn
 
 ``mathnavi/SafeFlight-v1`` steps 256 missions at once, from starts all over the map to one target. ``mathnavi.learning``

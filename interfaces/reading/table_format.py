@@ -44,7 +44,7 @@ class TableFormat:
     names: Annotated[tuple[str, ...] | None, TOGETHER] = None
     """names of the columns of a file whose first line has none"""
     na_values: Annotated[tuple[str, ...], TOGETHER] = ()
-    """texts and numbers that stand for a missing value, besides an empty cell, NaN, NA and those that pandas takes"""
+    """texts and numbers that stand for a missing value, as do an empty cell, NaN, NA and those that pandas takes"""
 
     def __post_init__(self) -> None:
         if self.sep == _TAB:

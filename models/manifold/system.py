@@ -184,12 +184,12 @@ class PartlyModelledSystem(LagrangianSystem, Protocol):
 
     @property
     def unmodelled(self) -> str:
-        """These parts, in words; "" if there are none."""
+        """These parts, in words; "" if nothing is missing."""
         ...
 
 
 def unmodelled(system: LagrangianSystem) -> str:
-    """Return the parts of a system that its force and its flow lack, in words; "" if there are none."""
+    """Return the parts of a system that its force and its flow lack, in words; "" if nothing is missing."""
     return system.unmodelled if isinstance(system, PartlyModelledSystem) else ""
 
 

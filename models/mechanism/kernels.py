@@ -234,7 +234,7 @@ def transport(at: Mechanism, p: Array, q: Array, w: Array) -> Array:
 def curvature(at: Mechanism, p: Array, X: Array, Y: Array) -> Array:
     """R(X, Y) X = d_X Gamma(Y, X) - d_Y Gamma(X, X) + Gamma(X, Gamma(Y, X)) - Gamma(Y, Gamma(X, X)) - Gamma([X, Y], X).
 
-    Evaluated for directions of length 1 in the joints, as it is quadratic in X and linear in Y.
+    Evaluated for directions of length 1 in the joints, being quadratic in X and linear in Y.
     """
     large, far = np.abs(X).max(), np.abs(Y).max()
     if large == 0.0 or far == 0.0:

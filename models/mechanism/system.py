@@ -166,7 +166,7 @@ def heavier(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
 
 
 def _actuators_with_states(model: mujoco.MjModel) -> str:
-    """Actuators whose force does not follow from position, velocity and control, in words; "" if there are none."""
+    """Actuators whose force does not follow from position, velocity and control, in words; "" if nothing does."""
     found = np.flatnonzero((model.actuator_actnum > 0) | (model.actuator_delay > 0.0)).tolist()
     names = [model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i) for i in found[:_NAMED]]
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""

@@ -49,7 +49,7 @@ def import_dem(
     projection for another one, in metres from the south-west node for PNG and ``.npz``.
     ``fill``: fill voids from the heights around them, at most 100 nodes away.
     ``resample`` [m]: between the nodes of the map; the smaller step of the file without it.
-    ``nodata``: value in the file that stands for a void, beside the one that it states.
+    ``nodata``: value in the file that stands for a void, in addition to the one that it states.
     ``heights`` (low, high) [m]: range of heights that are ground; -500 to 9000 m on Earth without it.
     ``void_error`` [m]: how far the ground may be above what is filled; without it nothing relies on what is filled.
 

@@ -117,7 +117,7 @@ def _copy(content: IO[bytes] | gzip.GzipFile, target: Path, path: Path, total: i
 def check_virtual(path: Path) -> list[Path]:
     """Return the pictures that a virtual raster (``.vrt``) places.
 
-    Raises TerrainError for one that does more than place pictures of its own folder.
+    Raises TerrainError for one that does more than place pictures of the same folder.
     """
     sources = []
     content = read_bytes(path, TerrainError, MOST_TEXT)

@@ -1,7 +1,7 @@
 """Raster files of heights, read by GDAL: one band, in any coordinate system that lies on the ground.
 
 Rows and columns are turned to north and east. A picture whose sides run north and east, and that is true to scale, is
-read unchanged. A rotated one lies on a north-up grid of its own coordinate system; one whose projection stretches
+read unchanged. A rotated one lies on a north-up grid of the file's coordinate system; one whose projection stretches
 lengths by more than 1 % (Web Mercator stretches them by 1 / cos(latitude)) on a grid in degrees. There the place of
 each node in the picture is found, and its height read between four pixels, once.
 """
@@ -253,7 +253,7 @@ class _Reader:
             raise TerrainError(f"{path}: {dataset.height} x {dataset.width} heights; allowed: at least 2 x 2")
 
     def _check_numbers(self) -> None:
-        """Raise TerrainError where the numbers of the band are said to be other than heights."""
+        """Raise TerrainError where the numbers of the band are declared to be other than heights."""
         dataset, path = self._dataset, self._path
         if dataset.tags(1).get("positive", "").lower() == "down":
             raise TerrainError(f"{path}: depths, measured downwards (positive = down); allowed: heights")
@@ -337,7 +337,7 @@ class _Reader:
     ) -> Array:
         """Heights (rows, cols) [m], NaN where void; ``step`` [m] between neighbours.
 
-        ``order`` brings rows and columns of the file to south first and west first; they stay as they are without.
+        ``order`` brings rows and columns of the file to south first and west first; without, they stay unchanged.
         """
         dataset = self._dataset
         shape = dataset.shape if window is None else tuple(last - first for first, last in window)

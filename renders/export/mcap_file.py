@@ -83,7 +83,7 @@ def _write(path: Path, run: ExportedRun, writing: Any, protobuf: Any) -> None:
 
 
 def _nanoseconds(t: float) -> int:
-    """Stamp of a time [s]; there is none before the start of the run."""
+    """Stamp of a time [s]; none exists before the start of the run."""
     return max(round(t * 1e9), 0)
 
 

@@ -97,6 +97,6 @@ def _of_estimates(found: RecordedEstimates | None) -> str:
 
 
 def _banded(found: Sequence[RecordedEstimates | None]) -> str:
-    """Meaning of the band about a curve; "" where there is none."""
+    """Meaning of the band about a curve; "" where none is drawn."""
     banded = any(each is not None and each.deviation is not None for each in found)
     return f"; the bands are {DEVIATIONS:g} standard deviations of the estimate to either side" if banded else ""

@@ -144,7 +144,7 @@ class LagrangianRun(LoggedRun):
         return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= REACH / largest)
 
     def belief(self, t: float) -> int:
-        """Return the index of the newest estimate at ``t`` [s]; -1 if there is none, or it has found nothing yet."""
+        """Return the index of the newest estimate at ``t`` [s]; -1 without one, or if it has found nothing yet."""
         k = last_at(self.t_estimate, t)
         return k if k >= 0 and self.errors.found[k] > 0.0 else -1
 

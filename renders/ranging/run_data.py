@@ -170,7 +170,7 @@ class RangingRun(LoggedRun):
         return self.interpolated(self.log.x, t)
 
     def belief(self, t: float) -> int:
-        """Return the index of the newest estimate at ``t`` [s]; -1 if there is none, or none of the pose."""
+        """Return the index of the newest estimate at ``t`` [s]; -1 without one, or without one of the pose."""
         k = last_at(self.beliefs.t, t)
         return k if k >= 0 and self.initialised[k] else -1
 

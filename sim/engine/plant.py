@@ -302,7 +302,7 @@ class MujocoPlant:
         An input beyond its bound is clipped to it. That, and every contact, is an event when it begins:
         "input-clipped", "ground-contact", "vehicle-contact", "contact". The first warning of each kind that MuJoCo has
         about the simulation is "physics-warning", or ``DIVERGED`` where its state is lost. With delayed actuators, an
-        input acts that number of ticks later; until the first one arrives there is none.
+        input acts that number of ticks later; until the first one arrives, none acts.
         """
         events: list[Event] = []
         self._sensors.begin_step()

@@ -5,7 +5,7 @@ the tracker's period. The observation is the newest estimate, never the truth:
 
     t            [s] at which the estimate is valid
     x            (nx,) the state, as the scenario's estimator has it
-    covariance   (nx, nx) if the estimator has one; zeros where there is none that is finite and of its size
+    covariance   (nx, nx) if the estimator has one; zeros without one that is finite and of its size
     status       0 ok, 1 initialising, 2 lost, 3 degraded
     attitude, rate of a quadrotor: the parts of its estimate that it cannot be flown without
 

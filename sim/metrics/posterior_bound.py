@@ -111,7 +111,7 @@ def _inverse(J: Array) -> Array | None:
 
 @dataclass(frozen=True, eq=False)
 class PosteriorBound:
-    """Bound on the errors of a run's estimates, or the reason why there is none."""
+    """Bound on the errors of a run's estimates, or the reason why none exists."""
 
     deviation: Array  # (n, m) standard deviations of the components at the samples; NaN where there is no bound
     judged: tuple[int, ...] = ()  # components by which the efficiency is judged

@@ -4,7 +4,7 @@
 |---|---|
 | ``t`` | (n,) [s], increasing |
 | ``truth.x``, ``command.u``, ``measurement.NAME`` | (n, any) |
-| ``truth.activation`` | (n, any), where actuators have states of their own |
+| ``truth.activation`` | (n, any), where actuators have their own states |
 | ``truth.estimands`` | (n, any), where the scenario declares what there is to estimate |
 | ``cramer_rao.deviation`` | (n, any) |
 | ``estimate.t``, ``estimate.x``, ``estimate.NAME`` | (k,) [s], (k, any), (k, ...), ``deviation`` one of the names |

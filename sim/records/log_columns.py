@@ -151,7 +151,7 @@ def _stated(name: str) -> str | None:
 
 
 def _unit_row(head: TableHead, places: Sequence[int]) -> list[str] | None:
-    """Return the units of columns in the row below the names, "" where there is none; None if it holds no units."""
+    """Return the units of columns in the row below the names, "" where none is given; None if it holds no units."""
     row = head.rows[0][1] if head.rows else ()
     if len(row) != len(head.names):
         return None

@@ -103,7 +103,7 @@ class Elsewhere:
     ) -> dict[str, str]:
         """Return the key of the record of each stored content: that of the environment ``here``, given by its digest.
 
-        With ``mix`` one from another environment is accepted if there is none; it is counted in either case.
+        With ``mix`` one from another environment is accepted if none exists; it is counted in either case.
         """
         chosen: dict[str, str] = {}
         for content in contents:

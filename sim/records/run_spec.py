@@ -107,7 +107,7 @@ class RunSpec:
         }
 
     def __getitem__(self, name: str) -> Any:
-        """Value of a field; AttributeError if there is none of that name."""
+        """Value of a field; AttributeError for an unknown name."""
         prefix, own = split(name)
         return leaf(self.parts[prefix], own)
 

@@ -285,7 +285,7 @@ def smoother(
 
 
 def _spec(given: str | PluginSpec | type[Any]) -> PluginSpec:
-    """The plug-in of a name, with its fields as they are by default; of a class, or as given."""
+    """The plug-in of a name, with its default fields; of a class, or as given."""
     found = load("estimators", given) if isinstance(given, str) else given
     if isinstance(found, PluginSpec):
         return found

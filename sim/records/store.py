@@ -261,7 +261,7 @@ class Store:
     ) -> dict[str, str]:
         """Return the key of the record of each content hash, if the store has one that was made in this environment.
 
-        With ``mix_environments`` one from another environment is accepted if there is none; ``elsewhere`` counts those.
+        With ``mix_environments`` one from another environment is accepted if none exists; ``elsewhere`` counts those.
         """
         with self._reading():
             stored = keys_by_content(self._connection, self.keys() | job_statuses(self._connection).keys())

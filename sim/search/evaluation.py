@@ -119,7 +119,7 @@ class Evaluator:
         return sum(each.ending == ending for each in self.evaluations)
 
     def _made(self, values: Values) -> Trial | str:
-        """Return the trial, or why there is none."""
+        """Return the trial, or why none can be made."""
         try:
             return self.make(values)
         except REFUSALS as error:

@@ -43,7 +43,7 @@ class Sampler(Protocol):
     """Source of points that learns from their costs."""
 
     def ask(self) -> Shares:
-        """Return the next point; several may be asked for before the first is told."""
+        """Return the next point; several may be requested before the first result is known."""
         ...
 
     def tell(self, shares: Shares, cost: float | None) -> None:

@@ -36,7 +36,7 @@ SURVEY = 1.0  # [s] between two looks for workers
 RETURN = 30.0  # [s] for the last worker that matched to be started again, where others are left
 MOST_NAMED = 3  # of the workers that differ in the same way
 OTHER_ENVIRONMENT = "another computing environment"
-HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"
+HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install 'mathnavi[cluster]'"
 _ALLOWED = (
     "allowed: the address of a Dask scheduler that answers, tcp://HOST:8786, or tls://HOST:8786 with the certificates "
     "that Dask is configured with"

@@ -1,4 +1,4 @@
-"""Coordinators and consensus that misbehave, for the study ``hunt``: the vehicles of a fleet are those of strangers.
+"""Coordinators and consensus that misbehave, for the study ``hunt``: the vehicles of a fleet are written by others.
 
 Each answers as the project's own part does, except at some of its calls, drawn at random: then it commits a misdeed. A
 consensus is chosen by the fields of ``simultaneous-arrival``; coordinators are no plug-ins of a scenario, so that

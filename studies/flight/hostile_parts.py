@@ -1,4 +1,4 @@
-"""Plug-ins that misbehave, for the study ``hunt``: planner, tracker and estimator of a stranger.
+"""Plug-ins that misbehave, for the study ``hunt``: planner, tracker and estimator of another author.
 
 Each answers as the project's own part does, except at some of its calls, drawn at random: then it commits a misdeed. It
 is a guest at the boundary of plug-ins (``mathnavi.interfaces.boundary``), and not installed.

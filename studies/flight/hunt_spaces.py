@@ -233,7 +233,7 @@ STRANGE_FLEET: tuple[Dimension, ...] = tuple(
 
 
 def _strange_fleet(values: Values) -> dict[str, Any]:
-    """Return the fields of a fleet whose consensus and coordinators are those of strangers."""
+    """Return the fields of a fleet whose consensus and coordinators are written by others."""
     of_consensus = {name: value for name, value in values.items() if name.startswith("consensus.")}
     fields = _fleet({name: value for name, value in values.items() if name not in of_consensus})
     given = tuple(f"{name.partition('.')[2]}={value}" for name, value in of_consensus.items())

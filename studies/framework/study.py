@@ -255,7 +255,7 @@ def on_terrain(plugin: Any) -> bool:
 
 
 def first_look(config: Any) -> str:
-    """Return the fields that are smaller than their defaults as text, "seeds 2 instead of 20"; "" if there are none."""
+    """Return the fields that are smaller than their defaults as text, "seeds 2 instead of 20"; "" if none differ."""
     full = type(config)()
     pairs = {entry.name: (getattr(config, entry.name), getattr(full, entry.name)) for entry in fields(config)}
     smaller = [

@@ -1,6 +1,6 @@
 """False alarms: how often does an estimator say that it is not OK where all is as declared?
 
-Every scenario with a sensor that has noise is flown as it is by default, with each estimator that fits it. An estimator
+Every scenario with a sensor that has noise is flown by default, with each estimator that fits it. An estimator
 begins when it is OK for the first time; from ``SETTLED`` later on, a status other than OK is an alarm, for nothing
 happens that was not declared.
 """

@@ -1,7 +1,7 @@
 """Bocop's thirteen examples: those whose optima its own test compares (``bocop/test/examples.list.csv``).
 
 Team Commands, Bocop 3, github.com/control-toolbox/bocop; an example is a ``problem.def`` (sizes, limits, guess) and a
-``problem.cpp`` (equations). The list has three digits; an older one beside it, ``examples.list.csv.old``, has four.
+``problem.cpp`` (equations). The list has three digits; an older one next to it, ``examples.list.csv.old``, has four.
 """
 
 from __future__ import annotations

@@ -235,7 +235,7 @@ def single_stage_to_orbit() -> OptimalControlProblem:
             |θ| <= 1.57,   10 <= T <= 500 s,
             at rest with m = 117000 kg to y = 185 km, vx = 7796.6961 m/s, vy = 0
 
-    with F = 2.1 MN. The drag of a component is that of its own square, as dymos' code has it, where its text and
+    with F = 2.1 MN. The drag of a component is proportional to its square, as dymos' code has it, where its text and
     ``optimal_control_jl_flights.single_stage_to_orbit`` have |v| times the component (ssto_earth.ipynb).
     """
     thrust = 2.1e6  # [N]

@@ -2,7 +2,7 @@
 
 Every problem of the collection and of the published lists is solved by plain ``solve()`` as stated; with its
 guess perturbed by 1e-12 of the scale of each variable, several draws; and under other settings of libm and BLAS, which
-round as other processors do. Each solve has a process of its own (``solving``).
+round as other processors do. Each solve has its own process (``solving``).
 
 A problem is settled if all of them end with the same status and, where that status has a solution, in the same J: the
 spread of J, largest minus least, is within 1e-6 of its distance from the origin, 1e-5 with a singular arc. A problem

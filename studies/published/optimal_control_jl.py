@@ -3,7 +3,7 @@
 A problem is stated twice in the package (``ext/OptimalControlModels``, ``ext/JuMPModels``). Its page in the
 documentation (``dev/problems/*.html``) solves both by trapezoids on 200 to 500 intervals and prints the objective:
 its six digits are the values here. Balanced field, cannonball, mountain car, Robertson, SSTO and water rocket follow
-dymos, most of them shortened to one phase; dymos' own examples are listed beside them, with the values that its
+dymos, most of them shortened to one phase; dymos' own examples are listed next to them, with the values that its
 documentation asserts to within a relative 1e-4 to 5e-2.
 """
 

@@ -53,7 +53,7 @@ def glider() -> OptimalControlProblem:
 
 
 def goddard() -> OptimalControlProblem:
-    """Goddard's rocket with the air of the file, which is none: e^(-500 h) where others have e^(-500 (h - 1)).
+    """Goddard's rocket with the file's air, which is a vacuum: e^(-500 h) where others have e^(-500 (h - 1)).
 
         minimise -h(T)   subject to   v' = (F - 310 v^2 e^(-500 h)) / m - 1 / h^2,   h' = v,   m' = -2 F,
             0 <= F <= 3.5,   0 <= v <= 2,   1 <= h <= 2,   0.6 <= m <= 1,   0.1 <= T <= 1,   (0, 1, 1) to m = 0.6

@@ -222,7 +222,7 @@ def costs(readings: Readings, repetitions: int) -> Mapping[str, Array]:
 def monitor_costs(readings: Readings, names: Sequence[str]) -> Mapping[str, tuple[Array, Array]]:
     """Return CPU times (n,) [us] of each update of estimators by name: with the monitor of integrity, and without.
 
-    They are told the start, and updated in turns with the same readings; the first second is left out.
+    They know the start, and updated in turns with the same readings; the first second is left out.
     """
     start = KnownStart(START, (NEAR, NEAR, NEAR))
     mission = dataclasses.replace(readings.mission, start=start)

@@ -6,7 +6,7 @@ mass and inertia, its encoders are not declared, or all of this together. Rivals
 without a fault.
 
 **Sure and wrong** is an estimate that is OK while some velocity is off by more than three of its declared deviations
-for longer than 0.25 s; errors below a thousandth of the greatest speed are none.
+for longer than 0.25 s; errors below a thousandth of the greatest speed do not count.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Restarts of a solve that found no feasible point, and what may be said where none finds one.
 
 An interior-point method ends where no direction makes the violation smaller: a stationary point of the constraints,
-and no proof; and it does not begin where a guess is not finite. So before a problem is said to have no feasible point,
+and no proof; and it does not begin where a guess is not finite. So before a problem is called infeasible,
 it is solved from other guesses (see ``starts``) on a coarse grid. The first that is solved is the guess with which the
 method goes on. The draws come from a generator of a fixed seed: the same problem has the same restarts.
 """

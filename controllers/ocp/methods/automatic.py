@@ -139,7 +139,7 @@ class _Attempts:
         return self._found[-1]
 
     def best(self) -> Solution:
-        """The solution that replays best, with what became of the others; raises the first error if there is none."""
+        """The solution that replays best, with what became of the others; raises the first error if none does."""
         if not self._found:
             raise next(iter(self._failed.values()))
         solved = any(each.solved for each in self._found)

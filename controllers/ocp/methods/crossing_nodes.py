@@ -31,7 +31,7 @@ def solved_at_crossings(
     options: Options = OPTIONS,
     bounded: bool = True,
 ) -> Solution:
-    """The solution with a node at each crossing; where there is none the first one, CONVERGED, and the reason.
+    """The solution with a node at each crossing; where that fails the first one, CONVERGED, and the reason.
 
     Args:
         first: a solution that crosses jumps or kinks inside its intervals.

@@ -5,7 +5,7 @@ Applied to the dynamics, a control u that differs by δu from the best one costs
     J(u) - J* = 1/2 ∫ δu' H_uu δu dt,        δu = -H_uu^-1 (H_u(x, u, λ) + f_u' δλ),
 
 H = L + λ'f. At the points of a collocation scheme H_u vanishes; between them it shows what the control's polynomial
-leaves out. δλ is the error of the costates, at most the sum of their own defects,
+leaves out. δλ is the error of the costates, at most the sum of the defects,
 
     a_i = λ_i - λ_{i+1} - ∫ H_x dt,
 

@@ -1,6 +1,6 @@
 """Other starts: whether a lower minimum than the one that was found lies elsewhere.
 
-The problem is solved from other guesses (see ``feasibility.starts``), first that of its own guessed controls,
+The problem is solved from other guesses (see ``feasibility.starts``), first that of the guessed controls,
 simulated, on a coarse uniform mesh: 21 nodes with three points each. A coarse mesh has an error of J of its own, so
 what counts is J of the solution that is known, solved on that mesh too. Where J from another start is lower there,
 

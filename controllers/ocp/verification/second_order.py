@@ -170,7 +170,7 @@ def metric(solved: SolvedProgramme) -> Array:
 
 
 def _held(values: Array, lower: Array, upper: Array, multipliers: Array, felt: Array | float) -> NDArray[np.bool_]:
-    """True for equations, and for values at a limit (-inf and inf are none) with a multiplier that is felt."""
+    """True for equations, and for values at a limit (finite ones) with a multiplier that is felt."""
     distance = np.minimum(values - lower, upper - values)  # inf without limits
     touching = distance <= _TOUCHING * np.maximum(1.0, np.abs(values))
     held: NDArray[np.bool_] = (lower == upper) | (touching & (np.abs(multipliers) > felt))

@@ -49,7 +49,7 @@ class Evidence:
 
     @property
     def lower_than_bound(self) -> bool:
-        """True if a lower J was found beside the solution that no error of J explains."""
+        """True if a lower J was found near the solution that no error of J explains."""
         return self._lower(self.lower_cost)
 
     @property

@@ -3,7 +3,7 @@
 A replay shows that controls and states belong together, not that another control costs no more. Four more questions:
 
 1. Does another start lead lower (``other_starts``)? What is lower takes its place.
-2. Is it a minimum of its own programme (``second_order``)? Where its curvature is negative along a direction, the
+2. Is it a minimum of the programme (``second_order``)? Where its curvature is negative along a direction, the
    problem is solved from both sides (``escape``); what is lower takes its place, and what runs away is UNBOUNDED.
 3. Has the Hamiltonian a minimum in u, where nothing limits u (``weierstrass``)?
 4. Does J stay on finer meshes (``cost_bound``)? Where it does not, and the mesh is the method's own choice, the problem

@@ -65,7 +65,7 @@ def _as_module(place: str) -> str:
 
 
 def _loaded(place: str, result: CheckResult) -> tuple[str, Any]:
-    """Return the kind of a plug-in and its class; None with a finding for a class that is none.
+    """Return the kind of a plug-in and its class; None with a finding for a class that is no plug-in.
 
     Raises BadInputError if it cannot be imported.
     """

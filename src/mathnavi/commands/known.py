@@ -1,4 +1,4 @@
-"""Table of the commands by name: the module of each, its purpose, and the dataclass of its own flags."""
+"""Table of the commands by name: the module of each, its purpose, and the dataclass of its flags."""
 
 from __future__ import annotations
 

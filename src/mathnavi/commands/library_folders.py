@@ -1,4 +1,4 @@
-"""Folders for what libraries keep, where they have none of their own.
+"""Folders for what libraries keep, where they have none.
 
 matplotlib lists the fonts and looks for its settings, Mesa compiles shaders, and mujoco_menagerie keeps robots, in
 ~/.cache and ~/.config. Where these cannot be made, matplotlib warns and lists the fonts again in every process, and no

@@ -32,7 +32,7 @@ def verdict(result: RunData, subject: str = "mission") -> str:
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     """Return a table with one row for each figure, in groups; keys of no group come last.
 
-    Of each kind of events the first is shown. How the Cramér-Rao bound is averaged, and why there is none, is in
+    Of each kind of events the first is shown. How the Cramér-Rao bound is averaged, and why none exists, is in
     summary.json and in the report.
     """
     table = Table(show_header=False, box=None, pad_edge=False)

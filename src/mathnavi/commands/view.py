@@ -97,7 +97,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def read_replay(folder: Path) -> RecordedMotion:
-    """Read the run in a folder; BadInputError if there is none that can be shown."""
+    """Read the run in a folder; BadInputError if it cannot be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
     recorded = RecordedSpec.read(folder)

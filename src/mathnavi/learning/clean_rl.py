@@ -1,6 +1,6 @@
 """Many missions at once as the scripts of CleanRL read them, which are written for Gymnasium 0.29.
 
-What has changed since is the way in which the end of an episode is told: there ``infos["final_info"]`` is a list with a
+What has changed since is how the end of an episode is reported: there ``infos["final_info"]`` is a list with a
 dictionary, or None, for each row, whose "episode" holds return and length, and ``infos["final_observation"]`` the last
 observations. Its scripts need boxes, so ``VelocityFlights`` stands inside.
 """

@@ -1,4 +1,4 @@
-"""Return and length of the episodes of many environments at once, and what a row is told when one of its own ends."""
+"""Return and length of the episodes of many environments at once, and what a row receives when its episode ends."""
 
 from __future__ import annotations
 

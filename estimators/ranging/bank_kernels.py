@@ -43,6 +43,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import types
+from numpy.typing import NDArray
 
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed, solved
 from mathnavi.estimators.ranging.kalman_kernels import (
@@ -76,6 +77,9 @@ _AVERAGING = 0.97  # mu
 _UNDECLARED, _DECLARED = 0.02, 1e-4  # least deviations of b: sigma_0, as wheels are made; and of a filter, not zero
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
+
+
+Flags = NDArray[np.bool_]
 
 
 class Hypotheses(NamedTuple):
@@ -251,26 +255,39 @@ def covariance_of(bank: Hypotheses, k: int) -> Array:
 @njit(cache=True, nogil=True)
 def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> None:
     """Drop, in place, the hypotheses that are too unlikely, and the twins of the best one under the symmetry."""
-    x, P, score = bank.x, bank.P, bank.score
-    rotations, c_1, c_2 = symmetry
-    d = np.empty(3)
-    for k in range(len(x)):
+    score = bank.score
+    for k in range(len(score)):
         if k == best or math.isnan(score[k]):
             continue
-        if score[k] < scoring.lowest:
+        if score[k] < scoring.lowest or _square(bank.x[k], bank.x[best], bank.P[best], symmetry) < scoring.twin:
             score[k] = math.nan
-            continue
-        dx, dy = x[k, 0] - c_1, x[k, 1] - c_2
-        for i in range(rotations):
-            angle = 2.0 * math.pi * i / rotations
-            c, s = math.cos(angle), math.sin(angle)
-            d[0] = c_1 + c * dx - s * dy - x[best, 0]
-            d[1] = c_2 + s * dx + c * dy - x[best, 1]
-            d[2] = wrapped(x[k, 2] + angle - x[best, 2])
-            w = solved(P[best], d)
-            if d[0] * w[0] + d[1] * w[1] + d[2] * w[2] < scoring.twin:
-                score[k] = math.nan
-                break
+
+
+@njit(cache=True, nogil=True)
+def apart(bank: Hypotheses, best: int, symmetry: Symmetry, limit: float) -> Flags:
+    """True (K,) for the hypotheses that are farther from the best, under the symmetry, than d' P^-1 d = ``limit``."""
+    flags = np.zeros(len(bank.score), np.bool_)
+    for k in range(len(flags)):
+        if k != best and not math.isnan(bank.score[k]):
+            flags[k] = _square(bank.x[k], bank.x[best], bank.P[best], symmetry) >= limit
+    return flags
+
+
+@njit(cache=True, nogil=True)
+def _square(x: Array, best: Array, P: Array, symmetry: Symmetry) -> float:
+    """The least d' P^-1 d of a state x (4,) from the ``best``, of covariance P (4, 4), over all rotations of it."""
+    rotations, c_1, c_2 = symmetry
+    d, least = np.empty(3), math.inf
+    dx, dy = x[0] - c_1, x[1] - c_2
+    for i in range(rotations):
+        angle = 2.0 * math.pi * i / rotations
+        c, s = math.cos(angle), math.sin(angle)
+        d[0] = c_1 + c * dx - s * dy - best[0]
+        d[1] = c_2 + s * dx + c * dy - best[1]
+        d[2] = wrapped(x[2] + angle - best[2])
+        w = solved(P, d)
+        least = min(least, d[0] * w[0] + d[1] * w[1] + d[2] * w[2])
+    return least
 
 
 # Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
@@ -278,6 +295,7 @@ WALL = combined(TWO_READ, TWO_READ)
 HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, types.int64), TWO)
 SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, types.float64, types.float64)
 SUMS = named(NoiseSums, ONE, ONE)
+SYMMETRY = combined(types.int64, types.float64, types.float64)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
 INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64))
 KERNELS: tuple[Signature, ...] = (
@@ -287,7 +305,8 @@ KERNELS: tuple[Signature, ...] = (
     (predict_each, (HYPOTHESES, ONE, ONE, WALL, types.float64, ONE)),
     (move, (ONE, ONE, WALL, types.float64)),
     (covariance_of, (HYPOTHESES, types.int64)),
-    (drop, (HYPOTHESES, types.int64, SCORING, combined(types.int64, types.float64, types.float64))),
+    (drop, (HYPOTHESES, types.int64, SCORING, SYMMETRY)),
+    (apart, (HYPOTHESES, types.int64, SYMMETRY, types.float64)),
     (noise_of, (SUMS,)),
     (select_ranges, (ONE, types.float64, ONE)),
     (is_within, (ONE, ONE)),

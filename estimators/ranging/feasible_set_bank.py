@@ -12,8 +12,8 @@ of its likelihood a hypothesis has the weight
     w_k = exp(L_k / 10) / sum_j exp(L_j / 10)
 
 (a tempered likelihood; Thrun, Burgard and Fox, Probabilistic Robotics, 2005, section 6.3.4). While the best weight is
-less than twice that of all others together, the readings do not distinguish these poses: the status is
-``INITIALISING``, and ``extra`` has all poses with their weights.
+less than twice that of all others together that are not within the errors of the best, by d' P^-1 d at 99 %, the
+readings do not distinguish these poses: the status is ``INITIALISING``, and ``extra`` has all poses with their weights.
 
 **Noise, outliers and slip** need not be as declared: the bank estimates the scale of the ranges' noise and the share of
 outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs. What a scale of the odometry
@@ -57,6 +57,7 @@ from mathnavi.estimators.ranging.bank_kernels import (
     BY_HEADING,
     MOST_SLIP,
     Scoring,
+    apart,
     condition_each,
     covariance_of,
     declare_scale,
@@ -117,6 +118,7 @@ _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at mo
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
 _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
+_ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 
 
@@ -358,7 +360,8 @@ class FeasibleSetBank:
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra, self._waits_to_start())
         P = covariance_of(bank, best)
-        is_known = weights[best] >= _TWICE * (1.0 - weights[best])
+        doubts = np.nansum(weights[apart(bank, best, self._symmetry, _ALIKE)])
+        is_known = weights[best] >= _TWICE * doubts
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
         message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))

@@ -224,3 +224,14 @@ def test_the_bar_of_lengths_is_as_long_as_it_says_and_the_arrow_points_north(pag
         angle = float(seen.page.evaluate("parseFloat(document.querySelector('#scale svg').style.rotate)"))
         assert np.arctan2(north[0], -north[1]) == pytest.approx(angle, abs=0.02)
         assert abs(angle) > 0.3
+
+
+def test_the_open_layers_leave_the_list_of_views_free_on_a_telephone(page: Path, browser: Any) -> None:
+    boxes = "['#views', '#legend'].map((each) => document.querySelector(each).getBoundingClientRect().toJSON())"
+    with watched(browser, 390, 800) as seen:
+        seen.open(page.as_uri())
+        assert not seen.page.evaluate("document.querySelector('#legend').open")
+        seen.page.evaluate("document.querySelector('#legend').open = true")
+        views, legend = seen.page.evaluate(boxes)
+        assert legend["top"] >= views["bottom"] or legend["left"] >= views["right"]
+        assert seen.page.evaluate("document.documentElement.scrollWidth") == 390

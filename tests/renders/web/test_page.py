@@ -213,7 +213,7 @@ def test_the_bar_of_lengths_is_as_long_as_it_says_and_the_arrow_points_north(pag
         seen.open(page.as_uri())
         seen.drawn("player.choose(player.scene.cameras.find((camera) => camera.name === 'top'))")
         seen.page.evaluate("player.raised_centre = player.orbit.target")
-        words = seen.page.locator("#scale span").inner_text()
+        words = seen.page.locator("#scale em").inner_text()
         metres = float(words.split()[0]) * {"km": 1000.0, "m": 1.0}[words.split()[1]]
         width = float(seen.page.evaluate("parseFloat(document.querySelector('#scale i').style.width)"))
         origin, east = (seen.page.evaluate(f"({place})({x}, 0)") for x in (0, metres))
@@ -221,7 +221,7 @@ def test_the_bar_of_lengths_is_as_long_as_it_says_and_the_arrow_points_north(pag
         assert "heights ×" in seen.page.locator("#scale b").inner_text()
         seen.drawn("player.orbit.turn(0.5, 0); player.change()")
         north = np.subtract(seen.page.evaluate(f"({place})(0, {metres})"), seen.page.evaluate(f"({place})(0, 0)"))
-        angle = float(seen.page.evaluate("parseFloat(document.querySelector('#scale svg').style.rotate)"))
+        angle = float(seen.page.evaluate("parseFloat(document.querySelector('#scale strong').style.rotate)"))
         assert np.arctan2(north[0], -north[1]) == pytest.approx(angle, abs=0.02)
         assert abs(angle) > 0.3
 

@@ -192,6 +192,8 @@ def whole_page(browser: Browser, width: int) -> Image.Image:
     """A picture of the page as it is at first, with the meanings of figures folded in."""
     fold = "document.querySelectorAll('details.term').forEach((part) => { part.open = %s; })"
     browser.value(fold % "false")
+    if width == WIDTHS[0]:  # on a telephone the page itself folds in the layers
+        browser.value("document.querySelectorAll('#legend').forEach((part) => { part.open = false; })")
     height = browser.value("document.documentElement.scrollHeight")
     found = Image.new("RGB", (width, height))
     for y in range(0, height, TALLEST):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from importlib.metadata import PackageNotFoundError, metadata, requires
+from importlib.metadata import PackageNotFoundError, distribution, metadata, requires
 from pathlib import Path
 
 from packaging.requirements import Requirement
@@ -34,7 +34,7 @@ def wanted() -> dict[str, list[str]]:
 def licence(name: str) -> str:
     """The licence as the metadata of an installed package state it; ValueError where they state none.
 
-    In the order of what is precise: the SPDX expression, a short field "License", classifiers.
+    In the order of what is precise: the SPDX expression, a short field "License", classifiers, the title of the text.
     """
     stated = metadata(name)
     if expression := stated.get("License-Expression"):
@@ -44,6 +44,9 @@ def licence(name: str) -> str:
         return field
     classifiers = [str(each).split(" :: ") for each in stated.get_all("Classifier") or []]
     names = [each[-1] for each in classifiers if each[0] == "License" and len(each) > 1 and each[-1] != "OSI Approved"]
+    texts = (distribution(name).read_text(f"licenses/{file}") for file in stated.get_all("License-File") or [])
+    titles = [text.strip().partition("\n")[0].strip() for text in texts if text]
+    names = names or [title for title in titles if title.endswith("License")]
     if not names:
         raise ValueError(f"{name}: its metadata state no licence; state it in {PAGE.name}")
     return ", ".join(names)

@@ -206,11 +206,11 @@ def terrain_figure(terrain: HeightField) -> Figure:
             histogram = figure.add_subplot(grid[row, 1])
             low, high = float(values.min()), float(values.max())
             low, high = (low, high) if high - low > LEAST_RANGE else (low - LEAST_RANGE, high + LEAST_RANGE)
-            share = np.full(values.size, 100.0 / values.size)
-            _, edges, bars = histogram.hist(values.ravel(), 60, range=(low, high), color=GROUND, weights=share)
+            counts, edges = np.histogram(values, 60, (low, high))
+            middles = 0.5 * (edges[:-1] + edges[1:])
+            colours = tints(terrain, middles) if row == 1 else GROUND  # those of heights are a scale of the map's
+            histogram.bar(middles, 100.0 * counts / values.size, np.diff(edges), color=colours)
             histogram.set(xlabel=name, ylabel="share [%]")
-            if row == 1:  # the bars are the scale of the map's colours
-                for bar, colour in zip(bars, tints(terrain, 0.5 * (edges[:-1] + edges[1:])), strict=True):
-                    bar.set_facecolor(colour)
+            if row == 1:
                 histogram.set_xlabel(f"{name}, in the colours of the map")
     return figure

@@ -19,6 +19,7 @@ from mathnavi.renders.scene.landscape import (
     airframe_motion,
     flown,
     map_cameras,
+    path_cameras,
     plan_lines,
     radar_domes,
     scale_marks,
@@ -39,7 +40,11 @@ def flight_scene(run: FlightRun) -> Scene:
     course = run.mission.target - run.mission.start
     return mission_scene(
         run,
-        [*map_cameras(run.terrain, course), replace(follow(VEHICLE), name="follow the vehicle", shot="chase")],
+        [
+            *path_cameras(run.terrain, np.vstack([run.mission.start, run.x[:, :3], run.mission.target])),
+            *map_cameras(run.terrain, course),
+            replace(follow(VEHICLE), name="follow the vehicle", shot="chase"),
+        ],
         airframe_motion(run.t, run.x, run.u, run.terrain),
         airframe(VEHICLE, layer),
         [flown(run.t, run.x[:, :3], layer), *plan_lines(run.log.plans, run.log.adopted, run.duration, PLAN_LAYERS)],

@@ -220,7 +220,18 @@ class Player {
     for (const mark of scene.marks) if (mark.foot !== null && mark.place && shows(mark.layer)) lines.push({ colour: [1, 1, 1], width: 1.5, dashed: false, polylines: [{ points: [mark.place[0], mark.place[1], mark.foot, ...mark.place], opacity: 0.9 }] });
     const pixel = 2 * this.view.tangent * (this.view.away ?? this.orbit.distance) / size.height; // [m] at the middle
     const now = { size, canvas, view: this.view, tall, raised, poses, shows, lines, pixel, span: camera.span };
-    this.stage.draw(now); this.labels.draw(now);
+    this.stage.draw(now); this.labels.draw(now); this.drawScale(now);
+  }
+  // A bar of a round length in the middle of the picture, north, and by how much heights are exaggerated.
+  drawScale({ view, tall, canvas }) {
+    $("scale").hidden = Boolean(this.camera.mounted) || this.scene.extent <= 0;
+    if ($("scale").hidden) return;
+    const metres = 2 * view.tangent * view.away / canvas.clientHeight, most = 0.22 * Math.min(canvas.clientWidth, 500) * metres, long = roundStep(most / 2, 1);
+    const words = long >= 1000 ? `${long / 1000} km` : long >= 1 ? `${long} m` : long >= 0.01 ? `${Math.round(100 * long)} cm` : `${+(1000 * long).toPrecision(1)} mm`;
+    const [bar, length, arrow, high] = $("scale").children;
+    bar.style.width = `${(long / metres).toFixed(1)}px`; length.textContent = words; high.textContent = tall === 1 ? "" : `heights × ${tall}`;
+    arrow.style.display = this.scene.floor === null ? "" : "none"; // on a floor y is no north
+    arrow.style.rotate = `${Math.atan2(view.right[1], view.forward[1] / Math.hypot(view.forward[0], view.forward[1]))}rad`;
   }
   // The direction of flight, averaged over `behind` seconds before and after.
   course(camera, t) {

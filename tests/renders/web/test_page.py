@@ -202,3 +202,36 @@ def test_a_camera_of_the_model_looks_along_its_own_axis_from_where_it_is_mounted
     np.testing.assert_allclose(eye, [10.0, 1.0, 0.0], atol=1e-5)
     # It looks westwards: a point 4 m ahead and 2 m above is half way up the picture, whose half is 45 degrees.
     np.testing.assert_allclose([ahead, across / ahead, up / ahead], [4.0, 0.0, 0.5], atol=1e-5)
+
+
+def test_the_bar_of_lengths_is_as_long_as_it_says_and_the_arrow_points_north(page: Path, browser: Any) -> None:
+    place = """(x, y) => { const p = player.raised_centre, m = player.view.matrix, q = [p[0] + x, p[1] + y, p[2], 1];
+        const c = [0, 1, 3].map((i) => q.reduce((sum, each, k) => sum + m[4 * k + i] * each, 0));
+        const { clientWidth: w, clientHeight: h } = document.querySelector('#canvas');
+        return [0.5 * w * c[0] / c[2], -0.5 * h * c[1] / c[2]]; }"""
+    with watched(browser, 1200, 800) as seen:
+        seen.open(page.as_uri())
+        seen.drawn("player.choose(player.scene.cameras.find((camera) => camera.name === 'top'))")
+        seen.page.evaluate("player.raised_centre = player.orbit.target")
+        words = seen.page.locator("#scale em").inner_text()
+        metres = float(words.split()[0]) * {"km": 1000.0, "m": 1.0}[words.split()[1]]
+        width = float(seen.page.evaluate("parseFloat(document.querySelector('#scale i').style.width)"))
+        origin, east = (seen.page.evaluate(f"({place})({x}, 0)") for x in (0, metres))
+        assert np.hypot(*np.subtract(east, origin)) == pytest.approx(width, rel=0.02)
+        assert "heights ×" in seen.page.locator("#scale b").inner_text()
+        seen.drawn("player.orbit.turn(0.5, 0); player.change()")
+        north = np.subtract(seen.page.evaluate(f"({place})(0, {metres})"), seen.page.evaluate(f"({place})(0, 0)"))
+        angle = float(seen.page.evaluate("parseFloat(document.querySelector('#scale strong').style.rotate)"))
+        assert np.arctan2(north[0], -north[1]) == pytest.approx(angle, abs=0.02)
+        assert abs(angle) > 0.3
+
+
+def test_the_open_layers_leave_the_list_of_views_free_on_a_telephone(page: Path, browser: Any) -> None:
+    boxes = "['#views', '#legend'].map((each) => document.querySelector(each).getBoundingClientRect().toJSON())"
+    with watched(browser, 390, 800) as seen:
+        seen.open(page.as_uri())
+        assert not seen.page.evaluate("document.querySelector('#legend').open")
+        seen.page.evaluate("document.querySelector('#legend').open = true")
+        views, legend = seen.page.evaluate(boxes)
+        assert legend["top"] >= views["bottom"] or legend["left"] >= views["right"]
+        assert seen.page.evaluate("document.documentElement.scrollWidth") == 390

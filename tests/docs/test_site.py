@@ -73,7 +73,8 @@ def test_a_link_in_code_is_none_and_one_to_elsewhere_is_not_followed() -> None:
 
 TRANSLATED = re.compile(
     r"\b(anew|likewise|nought|whoever|thereof|whence|of one's own|so many|so much|the one door|it goes on\."
-    r"|none of its business|go wrong besides|did what it should)\b|(?<![\w.\]\[/*\\:$}{])\.\d",
+    r"|none of its business|go wrong besides|did what it should|somebody|anybody|nobody|, for one(?=[,.;:])"
+    r"|in the place of|most of them by the network)\b|(?<![\w.\]\[/*\\:$}{])\.\d",
     re.IGNORECASE,
 )
 """words that no page needs, and a decimal without its zero"""
@@ -91,6 +92,7 @@ def test_pages_are_plain_english() -> None:
     found = {page.name: each for page in sorted(pages) if (each := odd(page.read_text(encoding="utf-8")))}
     assert not found
     assert len(odd("It is made anew in .5 s; `anew`, [a](b.5) and $.5$ are none of its business.\n")) == 3
+    assert len(odd("Somebody, for one, stands in the place of nobody.\n")) == 4
 
 
 def test_the_page_of_the_browser_shows_the_runs_that_it_embeds() -> None:

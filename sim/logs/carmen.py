@@ -12,7 +12,7 @@ FLASER spans 180 degrees, from the right to the left: n even, every 180 / n degr
 180 / (n - 1) degrees from -90 to 90; others state their angles.
 
 A scan comes with two poses, ``scan pose`` and ``scan odometry``. Where they differ, the first is what another program
-found, and a reference. GMapping writes its own pose in both places, and beside each a message ``NEFF``; it moves what
+found, and a reference. GMapping writes its own pose in both, and beside each a message ``NEFF``; it moves what
 it passes on as ``ODOM`` along, so that these poses jump with each scan, and only their steps between two scans are
 those of the wheels.
 """

@@ -158,7 +158,8 @@ def test_the_log_has_every_name_and_gives_it_to_what_is_exported(tmp_path: Path)
 def test_two_runs_are_compared_by_what_their_estimators_estimate(tmp_path: Path) -> None:
     for name in ("one", "other"):
         write_run(tmp_path / name, CONFIG, {"arrived": True}, recording(DECLARED))
-    drawn = {name: figure for name, figure, _ in run_figures(*(read_run(tmp_path / each) for each in ("one", "other")))}
+    runs = read_run(tmp_path / "one"), read_run(tmp_path / "other")
+    drawn = {name: figure for name, figure, _ in run_figures(*runs, ("one", "other"))}
     assert [axes.get_title(loc="left") for axes in drawn["errors"].axes] == ["heading [rad]", "speed [m/s]"]
     for axes, error in zip(drawn["errors"].axes, (0.1, -0.2), strict=True):
         for line in axes.lines:

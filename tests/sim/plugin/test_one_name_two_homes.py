@@ -24,6 +24,7 @@ TAKEN = {
     "studies": ("noise", "mathnavi.studies.flight.noise:Noise"),
     "terrains": ("canyon", "mathnavi.models.terrain.synthetic:canyon"),
     "drawings": ("ranging", "mathnavi.renders.ranging.drawing"),
+    "logs": ("table", "mathnavi.sim.logs.table:TableLog"),
 }  # names that the stranger gives, and what he installs under each
 
 

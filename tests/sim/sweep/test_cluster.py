@@ -151,7 +151,7 @@ def test_what_answers_has_to_be_a_scheduler(dask: Any) -> None:
 
 def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ValueError, match=r"pip install -e '\.\[cluster\]'"):
+    with pytest.raises(ValueError, match=r"pip install 'mathnavi\[cluster\]'"):
         check("tcp://127.0.0.1:8786")
 
 

@@ -1,4 +1,4 @@
-"""By how much innovations are larger than declared, and what that says of an estimate; compiled.
+"""Excess of innovations over their declared variance, and the covariance of an estimate that it implies; compiled.
 
 A test that alarms says that innovations are not as declared. Sooner than it does, they say by how much they are larger:
 with sum e^2 / kappa over the c innovations of a window,

@@ -157,7 +157,7 @@ class MovingHorizon:
         self.P = np.full((model.size, model.size), np.nan)
         self.failure = ""  # the solver's message, where the last programme was not solved
         self.predicted: list[Predicted] = []
-        """what the stages before said of each reading of the last stage"""
+        """predictions of the earlier stages for each reading of the last stage"""
         self.residual = np.empty(0)  # (k,) of the newest reading, in standard deviations
         self.agrees = False  # whether half of the newest reading's components agree with the estimate
 

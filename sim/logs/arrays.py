@@ -25,7 +25,7 @@ _TIMES = ("t", "time", "times", "timestamp", "timestamps", "stamp", "stamps")  #
 
 @configuration
 class ArraysConfig:
-    """Where the times of the arrays are; one of the first three, or none where an array is called t or time."""
+    """Place of the times: one of the first three fields, or none of them if an array is called t or time."""
 
     time: str | None = None
     """array with the times of all arrays with as many rows"""
@@ -118,7 +118,7 @@ def _log(
 
 
 def _times(path: Path, tables: Mapping[str, Array], config: ArraysConfig) -> tuple[str, dict[str, Array]]:
-    """What the clock is, the name of an array or in words, and the times (n,) of each array in the file's unit."""
+    """Clock, by the name of an array or in words, and times (n,) of each array in the file's unit."""
     if config.time_column is not None:
         k = config.time_column
         return f"column {k} of each array", {

@@ -27,7 +27,7 @@ class Px4Log:
 
     @configuration
     class Config:
-        """Which stamps are taken."""
+        """Stamps that are taken."""
 
         stamp: str = _STAMP
         """field of each topic with its stamps [us], such as timestamp_sample; topics without it have timestamp"""

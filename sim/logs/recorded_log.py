@@ -23,9 +23,9 @@ from mathnavi.sim.logs.timing import Timing, timing_of
 from mathnavi.sim.records.sensor_log import SensorLog
 
 Role = Literal["reading", "input", "reference"]
-"""what a channel is: what a sensor read, what was commanded, or what another system found, such as motion capture"""
+"""kind of a channel: readings of a sensor, commands, or what another system found, such as motion capture"""
 Disorder = Literal["refuse", "sort"]
-"""what becomes of stamps that do not increase: a log is refused, or its readings are sorted by them"""
+"""treatment of stamps that do not increase: the log is refused, or its readings are sorted by them"""
 SEPARATOR = ":"  # between a channel and one of its signals
 
 
@@ -208,7 +208,7 @@ class RecordedLog:
         return t[kept], values[kept]
 
     def _disorder(self, name: str, timing: Timing) -> str:
-        """What is wrong with the stamps of a channel."""
+        """Late and doubled stamps of a channel, in words."""
         t, found = self.channels[name].t, []
         if timing.first_late is not None:
             k = timing.first_late

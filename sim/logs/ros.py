@@ -50,7 +50,7 @@ class RosLog:
 
     @configuration
     class Config:
-        """Which stamps are taken."""
+        """Stamps that are taken."""
 
         clock: Literal["header", "received"] = "header"
         """stamps of the messages' headers, where they have one, or times at which they were received"""

@@ -1,4 +1,4 @@
-"""Tables in text files as logs: each line is a reading of all columns, an empty cell none of its own."""
+"""Tables in text files as logs: each line is a reading of all columns, and an empty cell is none."""
 
 from __future__ import annotations
 

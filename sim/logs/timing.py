@@ -18,7 +18,7 @@ GAP = 1.5
 
 @dataclass(frozen=True)
 class Timing:
-    """What the stamps of a channel say; times [s] since the start of the log."""
+    """Figures of the stamps of a channel; times [s] since the start of the log."""
 
     count: int
     first: float
@@ -45,7 +45,7 @@ class Timing:
 
 
 def timing_of(t: Array) -> Timing:
-    """Return what stamps (n,) [s] in the order of their recording say, n >= 1."""
+    """Return the figures of stamps (n,) [s] in the order of their recording, n >= 1."""
     late = np.flatnonzero(t[1:] < np.maximum.accumulate(t)[:-1]) + 1
     stamps = np.unique(t)
     steps = np.diff(stamps)

@@ -132,7 +132,7 @@ def _stamps(log: RecordedLog) -> Table:
 
 
 def _irregular(log: RecordedLog) -> Iterator[str]:
-    """Where the stamps of each channel are irregular, a line each."""
+    """Lines that say where the stamps of a channel are irregular."""
     for name, channel in log.channels.items():
         timing = channel.timing
         if timing.first_late is not None:
@@ -186,6 +186,6 @@ def _families(channel: Channel) -> Iterator[_Family]:
 
 
 def _parts(signal: str) -> tuple[str, str]:
-    """Name, as it is called, and unit of a signal."""
+    """Name and unit of a signal."""
     name, _, unit = signal.partition(" [")
     return name, unit.removesuffix("]")

@@ -88,7 +88,7 @@ def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], c
 
 
 def _found(sweep: Sweep) -> str:
-    """Title of a sweep's page, with what it found: how many succeeded, and the least clearance of flights, with its seed."""
+    """Title of a sweep's page: how many trials succeeded, and the least clearance of flights with its seed."""
     succeeded = sum(record.status == "ok" and record.success is True for record in sweep.records)
     words = f"{succeeded:,} of {counted(len(sweep.records), 'trial')} succeeded"
     known = [

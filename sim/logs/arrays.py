@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -102,19 +103,24 @@ def _log(
     for name, t in times.items():
         if (bad := np.flatnonzero(~np.isfinite(t))).size:
             raise LogError(f"{path}: {name}: time {bad[0]} is {t[bad[0]]}; allowed: finite times")
-    stamps = np.concatenate([*times.values(), np.empty(0)])
-    start = 0.0 if config.rate is not None else epoch_of(stamps, config.time_unit)
+    start = 0 if config.rate is not None else min((_epoch(t, config.time_unit) for t in times.values()), default=0)
     channels: dict[str, Channel] = {}
     for name, t in times.items():
         columns = [k for k in range(tables[name].shape[1]) if k != config.time_column]
         signals = (name,) if len(columns) == 1 else tuple(f"{name} {k}" for k in columns)
-        since = t - t.dtype.type(start) if start else t  # while they are whole numbers, where they are
+        whole = t.dtype.kind in "iu"  # these lose nothing while they are whole numbers
+        since = t if not start else t.astype(np.int64) - int(start) if whole else t - float(start)
         channels[name] = Channel(since / factor, tables[name][:, columns].astype(np.float64), signals)
     if not channels:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items()) or "none"
         raise LogError(f"{path}: no array has times; the arrays are {shapes}; allowed: time, time_column or rate")
     described = f"array {clock!r}" if clock in arrays else clock
-    return RecordedLog(str(path), kind, channels, described, Decimal(repr(start)) / factor, facts, tuple(notes))
+    return RecordedLog(str(path), kind, channels, described, Decimal(start) / factor, facts, tuple(notes))
+
+
+def _epoch(t: Array, unit: str) -> int:
+    """Whole units to subtract from stamps (n,) since an epoch, at most the least of them; 0 for other stamps."""
+    return math.floor(t.min().item()) if epoch_of(t.astype(np.float64), unit) else 0
 
 
 def _times(path: Path, tables: Mapping[str, Array], config: ArraysConfig) -> tuple[str, dict[str, Array]]:

@@ -138,6 +138,11 @@ def test_stamps_since_an_epoch_lose_nothing(tmp_path: Path) -> None:
     log = mn.read_log(tmp_path / "robot.npz", time_unit="ns")
     assert log["v"].t.tolist() == [1e-9, 0.0, 250e-9]
     assert log.start == 1_700_000_000
+    for kind in (np.int64, np.uint64):  # a double is 21 ns off here
+        own = np.array([1_700_000_000_123_456_789, 1_700_000_000_123_456_790], dtype=kind)
+        np.savez(tmp_path / "own.npz", stamp=own, v=np.ones(2))
+        exact = mn.read_log(tmp_path / "own.npz", time_unit="ns")
+        assert (exact["v"].t.tolist(), str(exact.start)) == ([0.0, 1e-9], "1700000000.123456789")
     (tmp_path / "carmen.log").write_text(CARMEN.replace(" 100.", " 1700000100.").replace(" 101 ", " 1700000101 "))
     carmen = mn.read_log(tmp_path / "carmen.log")
     assert (carmen["odometry"].t.tolist(), str(carmen.start)) == ([0.25, 0.0], "1700000100.25")

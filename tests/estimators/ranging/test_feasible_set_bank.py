@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.bank_kernels import (
     Hypotheses,
@@ -151,7 +152,7 @@ def test_no_first_hypothesis_contradicts_the_readings() -> None:
         assert max(np.abs(task.curve.ranges(pose, task.alpha)[0] - ranges).max() for pose in poses) < 1.0
 
 
-def test_until_one_hypothesis_is_twice_as_likely_as_all_others_it_is_initialising() -> None:
+def test_until_one_hypothesis_is_twice_as_likely_as_all_beyond_its_errors_it_is_initialising() -> None:
     task = mission()
     estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 1.0, rng=np.random.default_rng(0)))]
     known = [estimate.status is Status.OK for estimate in estimates]
@@ -161,6 +162,12 @@ def test_until_one_hypothesis_is_twice_as_likely_as_all_others_it_is_initialisin
         weights = estimate.extra["weights"]
         assert np.nansum(weights) == pytest.approx(1.0)
         assert is_known or np.nanmax(weights) < 2.0 / 3.0
+        if is_known:  # whatever is beyond the errors that it declares is half as likely at most
+            assert estimate.covariance is not None
+            d = estimate.extra["hypotheses"][:, :3] - estimate.x
+            d[:, 2] = np.arctan2(np.sin(d[:, 2]), np.cos(d[:, 2]))
+            beyond = np.einsum("ki,ki->k", d, np.linalg.solve(estimate.covariance, d.T).T) > chdtri(3, 0.01)
+            assert np.nansum(weights[beyond]) <= 0.5 * np.nanmax(weights)
     assert estimates[8].covariance is None
     assert estimates[9].covariance is not None
 

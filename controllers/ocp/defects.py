@@ -94,16 +94,17 @@ def _violations(solution: Solution, at: tuple[Array, Array, Array], chosen: NDAr
 
 
 def _held(solution: Solution) -> NDArray[np.bool_]:
-    """(N - 1, nx + nd) True for path constraints on a control that hold at all points of an interval."""
+    """(N - 1, nx + nd) True for equations, and for path constraints on a control that hold throughout an interval."""
     problem, t = solution.problem, solution.point_times.ravel()
     nd, mixed = len(problem.path_bounds.lower), mixed_constraints(problem)
     found = np.zeros((solution.nodes - 1, problem.nx + nd), dtype=bool)
+    found[:, problem.nx :] = problem.path_bounds.lower == problem.path_bounds.upper
     if mixed:
         values = _path(solution, solution.inner.reshape(len(t), -1), solution.u.reshape(len(t), problem.nu), t)
         with np.errstate(invalid="ignore"):
             away = np.minimum(values - problem.path_bounds.lower, problem.path_bounds.upper - values)
         over = (away / path_sizes(problem)).reshape(len(found), -1, nd)
-        found[:, problem.nx + np.array(mixed)] = over[:, :, mixed].max(axis=1) <= _HOLDS
+        found[:, problem.nx + np.array(mixed)] |= over[:, :, mixed].max(axis=1) <= _HOLDS
     return found
 
 

@@ -243,7 +243,7 @@ def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
     end = y * scale
     cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))
-    error = abs(cost - solution.cost) / max(_least_cost(solution), abs(solution.cost))
+    error = abs(cost - solution.cost) / max(least_cost(solution), abs(solution.cost))
     cost_error = error if math.isfinite(error) else math.inf
     control_violation = _control_violation(solution)
     one_piece = _one_piece(solution) if by_intervals else math.nan
@@ -266,8 +266,8 @@ def _one_piece(solution: Solution) -> float:
     return float(np.abs(y - x[-1]).max())
 
 
-def _least_cost(solution: Solution) -> float:
-    """Least |J| that a cost error is relative to: 1, or the scale of J where all of it is smaller by its units."""
+def least_cost(solution: Solution) -> float:
+    """Least |J| that a replay's cost error is relative to: 1, or the scale of J where all of it is smaller."""
     u = np.vstack([solution.u[:, 0], solution.u[-1:, -1]])
     return min(1.0, cost_scale(solution.problem, solution.t, solution.x, u, solution.duration, solution.parameters))
 

@@ -49,12 +49,23 @@ class Structure:
     def __len__(self) -> int:
         return len(self.held)
 
-    def limits(self, problem: ProblemFunctions) -> tuple[Interval, Interval, Interval]:
-        """Limits of controls (A, nu), path constraints (A, nd) and bounded states (A, nb), equal where held."""
+    def limits(self, problem: ProblemFunctions, *, determined: bool = False) -> tuple[Interval, Interval, Interval]:
+        """Limits of controls (A, nu), path constraints (A, nd) and bounded states (A, nb), equal where held.
+
+        With ``determined``, controls have no bounds where constraints on states alone determine them, as many as there
+        are controls in their rates: near a solution, bounds besides keep a solver from it.
+        """
         own, path, states = np.split(self.held, [problem.nu, problem.nu + len(problem.path_bounds.lower)], axis=1)
-        bounded = bounded_states(problem)
+        bounded, controls = bounded_states(problem), _held_to(own, problem.control_bounds)
+        if determined:
+            first_order = first_order_constraints(problem)
+            followed = (np.hstack([path, states]) != 0) & first_order.any(axis=1)
+            entering = (followed @ first_order) & (own == 0)
+            entering &= entering.sum(axis=1, keepdims=True) <= followed.sum(axis=1, keepdims=True)
+            lower, upper = controls
+            controls = Interval(np.where(entering, -np.inf, lower), np.where(entering, np.inf, upper))
         return (
-            _held_to(own, problem.control_bounds),
+            controls,
             _held_to(path, problem.path_bounds),
             _held_to(states, _selected(problem.state_bounds, bounded)),
         )

@@ -27,18 +27,19 @@ from mathnavi.controllers.ocp.layout import control_variations, mixed_constraint
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.angles import unwound
 from mathnavi.controllers.ocp.methods.hp_mesh import (
-    TINY,
     VIOLATION,
     HpMesh,
     IntervalErrors,
     interval_errors,
     meshed,
+    size_of_cost,
     with_boundaries,
 )
+from mathnavi.controllers.ocp.methods.initial_value import initial_value
 from mathnavi.controllers.ocp.methods.suboptimality import suboptimality
 from mathnavi.controllers.ocp.methods.switching_gaps import switching_gaps
 from mathnavi.controllers.ocp.nlp import SHORTEST_ARC
-from mathnavi.controllers.ocp.problem_functions import ProblemFunctions, check_problem
+from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, ProblemFunctions, check_problem
 from mathnavi.controllers.ocp.replay import check_tolerance, replayed
 from mathnavi.controllers.ocp.solution import Solution, SolverOutcome, Timing
 from mathnavi.controllers.ocp.solver import FIXED, Options, nodes_of_instants, transcription
@@ -73,11 +74,12 @@ class _Plan:
     structure: Structure
     smoothing: float  # ρ, in units of J
     every: bool = False  # True if all free controls are smoothed, not only those that enter linearly
+    near: bool = False  # True for a solver that stays near its guess, without bounds of what constraints determine
 
     def solved(
         self,
         problem: ProblemFunctions,
-        guess: Solution | None,
+        guess: Solution | GuessedTrajectory | None,
         parameters: Array | None,
         options: Options,
         *,
@@ -87,8 +89,9 @@ class _Plan:
         ends = np.searchsorted(self.mesh.grid.nodes, np.append(known.boundaries, 1.0) - 1e-12)
         intervals = tuple(int(n) for n in np.diff(np.append(0, ends)))
         weights = np.where(known.held[:, : problem.nu] == 0, self.weights(problem), 0.0)
-        arcs = Arcs(intervals, *known.limits(problem), smoothing=weights)
+        arcs = Arcs(intervals, *known.limits(problem, determined=self.near), smoothing=weights)
         at = nodes_of_instants(problem, self.mesh.grid)
+        options = dataclasses.replace(options, warm=True) if self.near else options
         made = transcription(problem, self.mesh.scheme, len(self.mesh.grid), FIXED, options, len(known), at)
         return unwound(made.solve(guess, self.mesh.grid, parameters, arcs, plain_rows=plain_rows))
 
@@ -151,7 +154,7 @@ def hp(
     free = bool(problem.breaks)  # a boundary that moves would move them too: switches between them are narrowed down
     # Boundaries move to where a constraint of states alone, which no arc holds, is missed between the points.
     leaping = len(mixed_constraints(problem)) < len(problem.path_names)
-    failures, left, stale, best = 0, False, 0, (math.inf, plan, current)
+    failures, left, stale, best, ambiguous = 0, False, 0, (math.inf, plan, current), False
     for number in range(_ROUNDS):
         known, seen, own = defects(current), structure(current), plan.placed(current)
         errors = interval_errors(current, known, switching_gaps(current) if problem.breaks or left else None)
@@ -170,11 +173,13 @@ def hp(
         settled = (
             free or coarse or seen.same(own) or visits >= _MOST_VISITS or len(seen) > min(_MOST_ARCS, most_nodes - 1)
         )
+        unchanged = change <= max(allowed, _ROUNDING)
         small = errors.total <= allowed and max(errors.path.max(), errors.held.max()) <= VIOLATION * allowed
-        smooth = plan.added(current) <= tolerance * abs(current.cost)
+        smooth = plan.added(current) <= tolerance * size_of_cost(current)
         fair = small or (errors.total <= allowed and bent >= _MOST_BENT)
         bent += int(errors.total <= allowed and not small)
-        if settled and fair and smooth and (change <= max(allowed, _ROUNDING) or _shown_best(current, allowed)):
+        resolved = settled or (ambiguous and unchanged)
+        if resolved and fair and smooth and (unchanged or _shown_best(current, allowed)):
             current = replayed(current, tolerance, known)
             error = math.inf if current.replay is None else current.replay.error
             if not small or error <= tolerance or allowed < _LEAST * tolerance:
@@ -184,7 +189,7 @@ def hp(
         if settled:
             rho *= 0.1 if fair and not smooth else 1.0
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
-            following = _Plan(mesh, own, rho, plan.every)
+            following = _Plan(mesh, own, rho, plan.every, plan.near)
         else:
             mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
@@ -197,7 +202,9 @@ def hp(
         if not found.solved or failures > 1:
             break
         free = free or len(following.structure) == 1 < max(len(own), len(seen))
-        change = abs(found.cost - current.cost) / max(abs(found.cost), TINY)
+        # Two structures of as good a J: which of them is right, the solution does not show, and need not.
+        ambiguous = not following.structure.same(plan.structure)
+        change = abs(found.cost - current.cost) / size_of_cost(found)
         full = len(following.mesh.grid) >= most_nodes and following.mesh.same(plan.mesh)
         plan, current = following, dataclasses.replace(found, timing=current.timing)
         visited.append(plan.structure)
@@ -211,7 +218,7 @@ def hp(
 
 def _shown_best(solution: Solution, allowed: float) -> bool:
     """True if a solution's stationarity shows that J is within the relative error ``allowed`` of its least value."""
-    return suboptimality(solution) <= allowed * abs(solution.cost)
+    return suboptimality(solution) <= allowed * size_of_cost(solution)
 
 
 def _explained(
@@ -238,15 +245,20 @@ def _first(
     The grid is that of the guess, or a uniform one. Each second programme has its rows as stated: which scales
     lead from a guess to a solution, chance decides.
     """
+    p = problem.nominal if parameters is None else parameters
+    simulated = initial_value(problem, p) if guess is None and not problem.nu else None
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
     starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
     if guess is not None and len(guess.grid) <= most_nodes:
         grid = on_breaks(guess.grid, problem.breaks)
         starts.insert(0, (with_boundaries(grid, np.array(problem.breaks), most_nodes), _STARTS[0][1]))
+    if simulated is not None:
+        starts.insert(0, (on_breaks(simulated[0], problem.breaks), _STARTS[0][1]))
     for number, (grid, count) in enumerate(starts):
         plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
         plain = number % 2 == 1
-        found = plan.solved(problem, guess, parameters, budget.left(options), plain_rows=plain)
+        own = simulated[1] if simulated is not None and number == 0 else guess
+        found = plan.solved(problem, own, parameters, budget.left(options), plain_rows=plain)
         timing += found.timing
         if found.solved or found.status is SolverOutcome.INFEASIBLE or budget.spent:
             break
@@ -264,17 +276,18 @@ def _next(
 ) -> tuple[Solution, _Plan, bool]:
     """Solution of the following plan; where the solver fails or goes astray, of an easier one.
 
-    That is the same plan with all controls smoothed, no arcs, or the last mesh with a point more. A solution has gone
-    astray to another minimum where its J is larger than the errors of the current one explain. The last result is True
-    if the first try was enough.
+    That is the same plan, if it has arcs, from as near as the current solution is; with all controls smoothed; without
+    arcs; or the last mesh with a point more. A solution has gone astray to another minimum where its J is larger than
+    the errors of the current one explain. The last result is True if the plan was solved as it is.
     """
-    dearest = current.cost + abs(current.cost) * max(_ASTRAY, 10.0 * errors.total)
+    dearest = current.cost + size_of_cost(current) * max(_ASTRAY, 10.0 * errors.total)
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     last = HpMesh.from_solution(current).with_boundaries(np.array(problem.breaks), len(current.grid))
     nodes = last.with_boundaries(np.append(following.structure.boundaries, problem.breaks), len(current.grid))
     tries = (
         following,
-        dataclasses.replace(following, smoothing=weight, every=True),
+        *([dataclasses.replace(following, near=not following.near)] if len(following.structure) > 1 else []),
+        dataclasses.replace(following, smoothing=weight, every=True, near=False),
         _Plan(nodes, without, weight, every=True),
         _Plan(HpMesh(last.grid, last.counts + 1), without, weight, every=True),
     )
@@ -287,7 +300,7 @@ def _next(
         if (found.solved and found.cost <= dearest) or budget.spent:
             break
     found, each = cheapest or (found, each)
-    return dataclasses.replace(found, timing=timing), each, each is following
+    return dataclasses.replace(found, timing=timing), each, any(each is one for one in tries[:-3])
 
 
 def _described(plan: _Plan) -> str:

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from mathnavi.controllers.ocp.defects import Defects
 from mathnavi.controllers.ocp.grid import LEAST_WIDTH, Grid
 from mathnavi.controllers.ocp.methods.switching_gaps import switches_at_nodes
+from mathnavi.controllers.ocp.replay import least_cost
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.structure import Structure
 from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 from mathnavi.controllers.ocp.transcriptions.variable_radau import VariableRadauIIA, alike, point_counts
 from mathnavi.interfaces.signals import Array, Integers
 
-TINY = 1e-9  # |J| below which its error is no longer relative
 LEAST_COUNT, MOST_COUNT = 3, 5  # points of an interval where all get one more
 HIGHEST_COUNT = 9  # points of an interval that is smooth
 _MOST_PARTS = 4  # of an interval in one round
@@ -30,6 +30,7 @@ _ASYMPTOTIC = 1e-2  # error below which another point helps more than another no
 _SMOOTH = 0.2  # decay of the Legendre coefficients below which an interval gets points, not nodes
 _FASTEST = 1e-3  # decay that counts: coefficients at rounding say nothing
 _IDLE = 1e-2  # of the allowed error, that of an interval without one of its points
+_VANISHING = 1e-5  # of the scale of J: |J| below which its error is no longer relative
 _KEPT = 0.4  # of an interval's width that a node keeps from a boundary
 
 
@@ -86,9 +87,14 @@ class HpMesh:
         return np.array_equal(self.counts, other.counts)
 
 
+def size_of_cost(solution: Solution) -> float:
+    """|J|, or where it all but vanishes, as that of a fit without noise, a small share of the size of its terms."""
+    return max(abs(solution.cost), _VANISHING * least_cost(solution))
+
+
 def interval_errors(solution: Solution, found: Defects, gaps: Array | None = None) -> IntervalErrors:
     """Errors of the intervals of a solution, from its defects and, where given, its ``switching_gaps`` (N - 1,)."""
-    scale = max(abs(solution.cost), TINY)
+    scale = size_of_cost(solution)
     after = np.vstack([solution.costates[1:], solution.costates[-1:]]) * solution.problem.state_scale
     with np.errstate(invalid="ignore"):
         share = np.abs((found.states * after).sum(axis=1) + found.cost) / scale

@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.methods.automatic import automatic
 from mathnavi.controllers.ocp.methods.hp import hp
@@ -102,6 +103,39 @@ def test_boundaries_that_would_leap_over_a_disc_are_left_for_a_mesh_that_stays()
     solution = hp(ocp.functions())
     assert solution.status is SolverOutcome.OPTIMAL
     assert solution.cost == pytest.approx(46.959005, rel=1e-6)
+
+
+def test_a_stiff_initial_value_problem_has_its_nodes_where_an_integrator_steps() -> None:
+    """Robertson's reaction: on uniform nodes its first layer, of 1e-4 of T, is inside one interval."""
+    ocp = OptimalControlProblem("three species")
+    x, y, z = ocp.state("x", guess=1.0), ocp.state("y"), ocp.state("z")
+    first, second, third = 0.04 * x, 1e4 * y * z, 3e7 * y**2
+    rates = ca.vertcat(-first + second, first - second - third, third)
+    ocp.duration(4.0)
+    ocp.minimise(terminal=-z)
+    ocp.dynamics(ca.vertcat(x, y, z), rates)
+    ocp.start(ca.vertcat(x, y, z), [1.0, 0.0, 0.0])
+    found = hp(ocp.functions())
+    at = ca.Function("rates", [ca.vertcat(x, y, z)], [rates])
+    known = solve_ivp(lambda t, s: at(s).full()[:, 0], (0.0, 4.0), [1.0, 0.0, 0.0], "LSODA", rtol=1e-11, atol=1e-13)
+    assert found.status is SolverOutcome.OPTIMAL, found.message
+    assert found.cost == pytest.approx(-known.y[2, -1], rel=1e-8)
+    assert np.diff(found.grid.nodes).min() < 1e-4
+
+
+def test_a_fit_without_noise_ends_although_its_cost_all_but_vanishes() -> None:
+    """A decay read without error: J* = 0, and a relative error of J has no meaning."""
+    ocp = OptimalControlProblem("decay")
+    x, rate = ocp.state("x", guess=1.0), ocp.unknown("rate", lower=0.0, upper=5.0, guess=0.3)
+    ocp.duration(2.0)
+    for t in (0.5, 1.0, 1.5, 2.0):
+        ocp.at(t).minimise((x - math.exp(-1.3 * t)) ** 2)
+    ocp.dynamics(x, -rate * x)
+    ocp.start(x, 1.0)
+    found = hp(ocp.functions())
+    assert found.status is SolverOutcome.OPTIMAL, found.message
+    assert found.cost < 1e-12
+    assert found.nodes <= 60
 
 
 def test_too_few_nodes_are_not_called_optimal() -> None:

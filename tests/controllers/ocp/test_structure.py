@@ -11,6 +11,7 @@ from mathnavi.controllers.ocp.defects import defects
 from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.angles import unwound
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.problems.articles import double_integrator_energy, double_integrator_time
 from mathnavi.controllers.ocp.problems.betts import free_flying_robot, rayleigh
@@ -73,6 +74,19 @@ def test_a_limit_of_first_order_has_an_arc_and_determines_the_control_there() ->
     assert (controls.lower[1, 0], controls.upper[1, 0]) == (0.0, 1.0)
     assert path.lower[1, 0] == path.upper[1, 0] == 0.0
     assert not first_order_constraints(bryson_denham(0.1)).any()
+
+
+def test_a_limit_that_does_not_determine_its_controls_leaves_them_their_bounds() -> None:
+    ocp = OptimalControlProblem("two pumps")
+    level = ocp.state("level", upper=1.0)
+    inlet, outlet = ocp.control("inlet", lower=0.0, upper=2.0), ocp.control("outlet", lower=0.0, upper=2.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=outlet)
+    ocp.dynamics(level, inlet - outlet)
+    problem = ocp.functions()
+    both, one = (Structure(np.empty(0), np.array([[0, held, 1]]), np.empty(0)) for held in (0, -1))
+    assert both.limits(problem, determined=True)[0].upper.tolist() == [[2.0, 2.0]]
+    assert one.limits(problem, determined=True)[0].upper.tolist() == [[np.inf, 0.0]]
 
 
 def test_arcs_that_are_as_good_as_nothing_disappear() -> None:

@@ -26,6 +26,7 @@ from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import control_variations, mixed_constraints
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.angles import unwound
+from mathnavi.controllers.ocp.methods.guess_resolution import follows_guess
 from mathnavi.controllers.ocp.methods.hp_mesh import (
     VIOLATION,
     HpMesh,
@@ -242,14 +243,16 @@ def _first(
 ) -> tuple[_Plan, Solution]:
     """First grid that the solver solves, and its solution; the last solution if it solves none.
 
-    The grid is that of the guess, or a uniform one. Each second programme has its rows as stated: which scales
+    The grid is that of the guess, or a uniform one that can follow the problem's own guess. Each second programme has its rows as stated: which scales
     lead from a guess to a solution, chance decides.
     """
     p = problem.nominal if parameters is None else parameters
     simulated = initial_value(problem, p) if guess is None and not problem.nu else None
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
     starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
-    if guess is not None and len(guess.grid) <= most_nodes:
+    if guess is None:  # the last one in any case
+        starts = [each for each in starts[:-1] if follows_guess(problem, *each)] + starts[-1:]
+    elif len(guess.grid) <= most_nodes:
         grid = on_breaks(guess.grid, problem.breaks)
         starts.insert(0, (with_boundaries(grid, np.array(problem.breaks), most_nodes), _STARTS[0][1]))
     if simulated is not None:

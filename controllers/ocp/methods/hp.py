@@ -22,7 +22,7 @@ from mathnavi.controllers.ocp.budget import Budget
 from mathnavi.controllers.ocp.call import at
 from mathnavi.controllers.ocp.clocks import clocks_of, without_vanished
 from mathnavi.controllers.ocp.defects import defects
-from mathnavi.controllers.ocp.grid import check_nodes, on_breaks, uniform
+from mathnavi.controllers.ocp.grid import Grid, check_nodes, on_breaks, uniform
 from mathnavi.controllers.ocp.layout import control_variations, mixed_constraints
 from mathnavi.controllers.ocp.methods.adaptation import solve
 from mathnavi.controllers.ocp.methods.angles import unwound
@@ -63,6 +63,7 @@ _STALE = 3  # rounds that do not halve what a constraint is missed by, before bo
 _MOST_BENT = 6  # rounds in which only a violated constraint adds nodes
 _ASTRAY = 1e-2  # least relative rise of J that the errors have to explain
 _COARSE = 1e-3  # sum of errors above which a structure is kept
+_NEAR = 1e-3  # sum of errors below which the next solution of the same structure is near
 _LEAST = 1e-3  # of the tolerance: least limit of the defects
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
@@ -190,7 +191,7 @@ def hp(
         if settled:
             rho *= 0.1 if fair and not smooth else 1.0
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
-            following = _Plan(mesh, own, rho, plan.every, plan.near)
+            following = _Plan(mesh, own, rho, plan.every, plan.near or errors.total <= _NEAR)
         else:
             mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)
@@ -243,25 +244,31 @@ def _first(
 ) -> tuple[_Plan, Solution]:
     """First grid that the solver solves, and its solution; the last solution if it solves none.
 
-    The grid is that of the guess, or a uniform one that can follow the problem's own guess. Each second programme has its rows as stated: which scales
-    lead from a guess to a solution, chance decides.
+    The grid is that of the guess, or a uniform one that can follow the problem's own guess. A guess that is a solution
+    is near. Each second programme from another guess has its rows as stated: which scales lead from a guess to a
+    solution, chance decides.
     """
     p = problem.nominal if parameters is None else parameters
-    simulated = initial_value(problem, p) if guess is None and not problem.nu else None
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
+
+    def plan_on(grid: Grid, count: int, *, near: bool = False) -> _Plan:
+        return _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing, near=near)
+
     starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
+    plans = list[tuple[_Plan, Solution | GuessedTrajectory | None]]()
     if guess is None:  # the last one in any case
         starts = [each for each in starts[:-1] if follows_guess(problem, *each)] + starts[-1:]
+        if (simulated := initial_value(problem, p)) is not None:
+            plans.append((plan_on(on_breaks(simulated[0], problem.breaks), _STARTS[0][1]), simulated[1]))
     elif len(guess.grid) <= most_nodes:
-        grid = on_breaks(guess.grid, problem.breaks)
-        starts.insert(0, (with_boundaries(grid, np.array(problem.breaks), most_nodes), _STARTS[0][1]))
-    if simulated is not None:
-        starts.insert(0, (on_breaks(simulated[0], problem.breaks), _STARTS[0][1]))
-    for number, (grid, count) in enumerate(starts):
-        plan = _Plan(HpMesh.uniform(grid, count), without_structure(problem), smoothing)
-        plain = number % 2 == 1
-        own = simulated[1] if simulated is not None and number == 0 else guess
-        found = plan.solved(problem, own, parameters, budget.left(options), plain_rows=plain)
+        grid = with_boundaries(on_breaks(guess.grid, problem.breaks), np.array(problem.breaks), most_nodes)
+        plans += [(plan_on(grid, _STARTS[0][1], near=True), guess)] if guess.solves(problem, p) else []
+        plans.append((plan_on(grid, _STARTS[0][1]), guess))
+    plans += [(plan_on(*each), guess) for each in starts]
+    stated = 0
+    for plan, own in plans:
+        found = plan.solved(problem, own, parameters, budget.left(options), plain_rows=stated % 2 == 1)
+        stated += int(not plan.near)
         timing += found.timing
         if found.solved or found.status is SolverOutcome.INFEASIBLE or budget.spent:
             break
@@ -287,9 +294,10 @@ def _next(
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)
     last = HpMesh.from_solution(current).with_boundaries(np.array(problem.breaks), len(current.grid))
     nodes = last.with_boundaries(np.append(following.structure.boundaries, problem.breaks), len(current.grid))
+    arcs = len(following.structure) > 1
     tries = (
         following,
-        *([dataclasses.replace(following, near=not following.near)] if len(following.structure) > 1 else []),
+        *([dataclasses.replace(following, near=not following.near)] if arcs or following.near else []),
         dataclasses.replace(following, smoothing=weight, every=True, near=False),
         _Plan(nodes, without, weight, every=True),
         _Plan(HpMesh(last.grid, last.counts + 1), without, weight, every=True),

@@ -119,6 +119,8 @@ class BeaconBank:
 
     def moments(self) -> tuple[Array, Array]:
         """Mean (6,) and covariance (6, 6) of all; headings relative to that of the heaviest."""
+        if len(self.weights) == 1:
+            return self.x[0].copy(), 0.5 * (self.P[0] + self.P[0].T)
         middle = self.x[self.best]
         d = self.x - middle
         d[:, 2] = wrapped(d[:, 2])

@@ -127,7 +127,7 @@ def condition(
         h, H, D, rho = expected(x[n], kind, i, places)
         noise = absolute * absolute + (relative * rho) ** 2
         PH = P[n] @ H
-        DP = D @ P[n][:2, :2]
+        DP = D @ np.ascontiguousarray(P[n, :2, :2])
         nu = y - h
         if kind == BEARING:
             nu = wrapped(nu)
@@ -168,7 +168,7 @@ def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Arra
         if taken[i]:
             continue
         taken[i] = True
-        inverse = np.linalg.inv(P[i][:3, :3])
+        inverse = np.linalg.inv(np.ascontiguousarray(P[i, :3, :3]))
         total, mean, square = weights[i], np.zeros(STATES), np.zeros((STATES, STATES))
         square += weights[i] * P[i]
         for b in range(a + 1, count):
@@ -178,7 +178,7 @@ def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Arra
             for k in range(STATES):
                 d[k] = x[j, k] - x[i, k]
             d[2] = wrapped(d[2])
-            if d[:3] @ inverse @ d[:3] < near:
+            if d[:3] @ (inverse @ d[:3]) < near:
                 taken[j] = True
                 total += weights[j]
                 for k in range(STATES):

@@ -160,6 +160,17 @@ class RecordedLog:
             signals.append(f"{name} [{unit}/s]" if unit else name)
         return replace(self, channels={**self.channels, channel: replace(own, values=values, signals=tuple(signals))})
 
+    def delayed(self, channel: str, seconds: float) -> RecordedLog:
+        """Return the log with the stamps of a channel later by so many seconds, as of commands that act later.
+
+        Raises LogError for a channel that does not exist, and for a delay that is not finite.
+        """
+        own = self[channel]
+        note = f"{channel}: stamps later by {seconds:g} s, as was asked"
+        return replace(
+            self, channels={**self.channels, channel: replace(own, t=own.t + seconds)}, notes=(*self.notes, note)
+        )
+
     def _whole(self, channel: str, k: int) -> Array:
         """Numbers (n,) of a signal that are whole; LogError for others."""
         keys: Array = self.channels[channel].values[:, k]

@@ -52,6 +52,8 @@ class LogImportOptions:
     """signals that become a channel with a column for each value of the signal BY, which says whose reading it is"""
     rates: Annotated[tuple[str, ...], TOGETHER, ValueName("CHANNEL...")] = ()
     """channels whose numbers are counted from row to row, as a distance: they are divided by the time between two"""
+    delays: Annotated[tuple[str, ...], TOGETHER, ValueName("CHANNEL=SECONDS...")] = ()
+    """times by which the stamps of a channel are too early, as those of commands that act later [s]"""
     disorder: Disorder = "refuse"
     """stamps that do not increase: the log is refused, or its readings are sorted by them, which is said"""
     format: str | None = None
@@ -88,6 +90,11 @@ def _changed(log: RecordedLog, options: LogImportOptions) -> RecordedLog:
     """The log with the channels that the flags make of it."""
     for channel in options.rates:
         log = log.rates(channel)
+    for channel, seconds in pairs("--delays", options.delays).items():
+        try:
+            log = log.delayed(channel, float(seconds))
+        except ValueError as error:
+            raise BadInputError(f"--delays = {channel}={seconds}; allowed: a channel and a time [s]") from error
     for signal, by in pairs("--spread", options.spread).items():
         log = log.spread(signal, by)
     return log

@@ -84,8 +84,8 @@ class BeaconBank:
         self.starts = x.copy(), P.copy()
 
     def predict(self, u: Array, h: float) -> None:
-        """Move all for h [s] with the odometry u (2,) held."""
-        predict(self.x, self.P, u[0], u[1], h, *self._model.W)
+        """Move all for h [s] with the odometry and the densities of its noise u (4,) held."""
+        predict(self.x, self.P, u[0], u[1], h, u[2], u[3])
 
     def condition(self, y: Array) -> list[tuple[int, float, float, float]]:
         """Condition on a reading y (rows,); row, nu, s and beta of the heaviest filter for each entry that was read."""

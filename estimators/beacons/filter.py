@@ -106,7 +106,9 @@ class BeaconFilter:
             input_dependence=InputDependence.NON_UNIFORM,
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
-            note="from ranges to two beacons, or to three on a line, only once the robot turns",
+            stays_on_truth=False,
+            note="from ranges to beacons on a line only once the robot turns; its expected reading is a mean over its "
+            "covariance and differs from the true one even on the truth, by less the surer it is",
         )
 
     @staticmethod

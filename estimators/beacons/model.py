@@ -5,7 +5,8 @@ stage is an array with the entries of all sensors in the order of their kinds, N
 
 Odometry is the mean input since the reading of odometry before. Where beacons are read in between, the last odometry
 is held until then, and what remains of the motion is made up for once the odometry is there: distance and turn over
-the whole are those that were read.
+the whole are those that were read. Where odometry is missing for longer, the robot may have moved in any way that it
+can. An input of a piece is (u_1, u_2, w_1, w_2): odometry, and the densities of its noise.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ _LARGEST = 6.0  # standard deviations of the scale errors
 _MADE_UP = 2.5  # periods between two readings of odometry, over which the former is made up for
 _SHORTEST = 0.05  # of a period: what is made up for in less would be a leap
 _TOO_FAST = 10.0  # times the robot's limits
+_ANYHOW, _LASTS = 0.5, 1.0  # of its limits: how it may move without odometry, and for how long it moves likewise [s]
 
 
 class BeaconModel:
@@ -60,6 +62,8 @@ class BeaconModel:
         odometry = mission.odometry
         per_reading = np.square(odometry.noise) + np.square(odometry.slip)
         self.W: Array = per_reading * mission.period + _LEAST_DENSITY  # (2,) [m^2/s, rad^2/s]
+        fastest = np.array([mission.speed_max, mission.turn_rate_max])
+        self._unknown: Array = np.square(_ANYHOW * fastest) * _LASTS
         self._limits = _TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
         self.scales: Array = np.array([odometry.bias, odometry.bias, mission.range_scale])
         """standard deviations (3,) of the scale errors"""
@@ -88,20 +92,20 @@ class BeaconModel:
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         h = end - begin
-        newest = self._odometry_at(end, measurements)
         if self.mission.odometry_is_input:
-            return ((h, command.copy()),)
-        period = self.mission.period
+            return ((h, np.concatenate([command, self.W])),)
+        newest, period = self._odometry_at(end, measurements), self.mission.period
         if newest is None:
             held = command if self._last is None else self._last
             self._moved += held * h
-            return ((h, held.copy()),)
-        u, since = newest, self._since
-        span = end - since
-        if self._last is not None and span <= _MADE_UP * period and span > h + TIME_TOLERANCE and h > _SHORTEST * period:
+            missing = self._last is not None and end - self._since > _MADE_UP * period
+            return ((h, np.concatenate([held, self.W + self._unknown if missing else self.W])),)
+        u, span = newest, end - self._since
+        first, lately = self._last is None, span <= _MADE_UP * period
+        if not first and lately and span > h + TIME_TOLERANCE and h > _SHORTEST * period:
             u = (newest * span - self._moved) / h
         self._last, self._since, self._moved = newest, end, np.zeros(2)
-        return ((h, u.copy()),)
+        return ((h, np.concatenate([u, self.W if first or lately else self.W + self._unknown])),)
 
     def restart(self) -> bool:
         self._last: Array | None = None  # (2,) odometry
@@ -157,7 +161,7 @@ class BeaconModel:
     # ---- equations
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
-        after: tuple[Array, Array, Array] = transition(x, u[0], u[1], h, self.W[0], self.W[1])
+        after: tuple[Array, Array, Array] = transition(x, u[0], u[1], h, u[2], u[3])
         return after
 
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:

@@ -187,6 +187,8 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Channel",
     "EstimateHistory",
     "RangingMission",
+    "BeaconMission",
+    "BeaconQuality",
     "RangeQuality",
     "OdometryQuality",
     "KnownStart",

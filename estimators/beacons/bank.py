@@ -13,7 +13,7 @@ import numpy as np
 
 from mathnavi.estimators.beacons.kernels import BEARING, RANGE, STATES, condition, merged, predict
 from mathnavi.estimators.beacons.model import BeaconModel
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
 
 _HEADINGS = 24  # from an unknown start
@@ -32,7 +32,7 @@ class BeaconBank:
         self._model, self._gate = model, gate
         self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
         self.x, self.P, self.weights = np.empty((0, STATES)), np.empty((0, STATES, STATES)), np.empty(0)
-        self.seeds: Array = np.empty(0, dtype=np.int64)
+        self.seeds: Integers = np.empty(0, dtype=np.int64)
         self.starts: tuple[Array, Array] = self.x, self.P
         """states (N, 6) and covariances (N, 6, 6) at the start; ``seeds`` are the places of the filters in them"""
 

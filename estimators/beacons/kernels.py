@@ -25,7 +25,7 @@ import math
 import numpy as np
 
 from mathnavi.interfaces.compiled import njit
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.kernels import motion, wrapped
 
 STATES = 6
@@ -152,7 +152,7 @@ def condition(
 
 
 @njit(cache=True, nogil=True)
-def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Array, Array, Array]:
+def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Array, Array, Integers]:
     """States, covariances and weights after each that is within ``near`` of a heavier one was merged with that.
 
     ``near`` is a squared Mahalanobis distance of the pose by the covariance of the heavier one. The last array holds

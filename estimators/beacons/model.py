@@ -68,7 +68,8 @@ class BeaconModel:
         self.scales: Array = np.array([odometry.bias, odometry.bias, mission.range_scale])
         """standard deviations (3,) of the scale errors"""
         self._begun: tuple[Array, Array] | None = None  # start that was found
-        self.restart()
+        self._last: Array | None = None  # (2,) odometry
+        self._since, self._moved = -math.inf, np.zeros(2)  # [s] of it, and the motion (2,) since
 
     # ---- stages
 
@@ -108,8 +109,6 @@ class BeaconModel:
         return ((h, np.concatenate([u, self.W if first or lately else self.W + self._unknown])),)
 
     def restart(self) -> bool:
-        self._last: Array | None = None  # (2,) odometry
-        self._since, self._moved = -math.inf, np.zeros(2)  # [s] of it, and the motion (2,) since
         return False
 
     def odometry(self, measurement: Measurement) -> Array | None:

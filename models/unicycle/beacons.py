@@ -185,7 +185,7 @@ class BeaconSensor:
         return len(self.places)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
-        """Read the beacons from ``motion``, whose state is led by the pose; ``rng`` draws noise, outliers and losses."""
+        """Read the beacons from ``motion``, whose state is led by the pose; ``rng`` draws noise, outliers, losses."""
         if self._scale is None:
             self._scale = self.range_scale * float(rng.standard_normal())
         quality, n = self.quality, self.size

@@ -1,9 +1,9 @@
 """Folder of a run from a recorded log, and back: what it read, what was commanded, and a reference in place of a truth.
 
 The folder has the files of any run (``mathnavi.sim.records.run_folder``); its scenario is called ``recorded-log``. The
-samples are the times at which anything was read, or commanded. The reference, what another system found, is interpolated
-between its readings linearly, angles along the shorter way; samples before its first and after its last reading are left
-out. The log's own disorder is said in the summary and, channel by channel, in the events.
+samples are the times at which anything was read, or commanded. The reference, what another system found, is
+interpolated between its readings linearly, angles along the shorter way; samples before its first and after its last
+reading are left out. The log's own disorder is said in the summary and, channel by channel, in the events.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import LogError, RunFolderError
 from mathnavi.interfaces.reading_counts import unused_text
@@ -24,9 +25,9 @@ from mathnavi.interfaces.signals import Array, Estimate, Event
 from mathnavi.models.angles import wrapped
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.logs.recorded_log import Channel, Disorder, RecordedLog
-from mathnavi.sim.metrics.reference import reference_figures
 from mathnavi.sim.records.figure_names import UNUSED_READINGS, UNUSED_REASONS
 from mathnavi.sim.records.log_arrays import SAMPLED
+from mathnavi.sim.records.reference_figures import reference_figures
 from mathnavi.sim.records.run_folder import read_log, read_record, read_signal_names
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog
 
@@ -71,8 +72,9 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
     wanted = {"readings": selection.readings, "inputs": selection.inputs, "units": selection.units}
     own = log.sensor_log(**wanted, disorder=selection.disorder)  # type: ignore[arg-type]
     notes, t = list(own.notes), own.t
-    kept = np.ones(len(t), dtype=bool)
-    truth, states = np.empty((len(t), 0)), ()
+    kept: NDArray[np.bool_] = np.ones(len(t), dtype=bool)
+    truth: Array = np.empty((len(t), 0))
+    states: tuple[str, ...] = ()
     if selection.reference:
         found = log.sensor_log(
             readings={"reference": selection.reference}, units=selection.units, disorder=selection.disorder
@@ -83,7 +85,7 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
         if not np.isfinite(found.readings["reference"]).all(axis=1).any():
             raise LogError(f"{log.source}: the reference has no reading; allowed: one or more")
         truth, kept = _interpolated(found.t, found.readings["reference"], states, t)
-        if (left := int((~kept).sum())) > 0:
+        if (left := int(np.logical_not(kept).sum())) > 0:
             notes.append(f"{counted(left, 'sample')} before or after the reference left out")
         notes += [note for note in found.notes if note not in notes]
     if int(kept.sum()) < 2:
@@ -148,7 +150,7 @@ def _names(log: RecordedLog, wanted: Sequence[str], units: Mapping[str, str]) ->
     return tuple(found)
 
 
-def _interpolated(t: Array, rows: Array, names: Sequence[str], at: Array) -> tuple[Array, Array]:
+def _interpolated(t: Array, rows: Array, names: Sequence[str], at: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Values (n, m) at times (n,) of rows (k, m) at t (k,), and True (n,) where they are known."""
     known = np.isfinite(rows).all(axis=1)
     t, rows = t[known], rows[known]
@@ -206,7 +208,7 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
     """Return the content of the folder of a run with the estimates of another estimator over its log.
 
     ``estimator`` is its record in config.json. The summary has its figures beside the reference, if the log has one of
-    as many numbers (``mathnavi.sim.metrics.reference``).
+    as many numbers (``mathnavi.sim.records.reference_figures``).
     """
     log = read_log(folder)
     ((vehicle, signals),) = read_signal_names(folder).items()

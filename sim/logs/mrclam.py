@@ -8,8 +8,8 @@ A data set is a folder, of which one robot is read:
 | ``RobotN_Measurement.dat`` | ``landmarks``, ``robots``, ``unknown`` | subject, range, bearing of what was seen |
 | ``RobotN_Groundtruth.dat`` | ``motion capture`` | pose |
 
-``Barcodes.dat`` says which subject has the bar code that a robot reads, ``Landmark_Groundtruth.dat`` where the landmarks
-are, which become facts. Each file may be compressed (.gz).
+``Barcodes.dat`` says which subject has the bar code that a robot reads, ``Landmark_Groundtruth.dat`` where the
+landmarks are, which become facts. Each file may be compressed (.gz).
 """
 
 from __future__ import annotations

@@ -46,8 +46,8 @@ from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.models.unicycle.mission import TICK as RANGING_TICK
 from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
+from mathnavi.models.unicycle.mission import TICK as RANGING_TICK
 from mathnavi.models.unicycle.mission import RangingMission, wheel_rates
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality

@@ -81,7 +81,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
     options, form, fields = parse(words, prog, (plugin.__doc__ or "").strip().partition("\n")[0], *groups)
     is_folder = path.is_dir()
     if not (is_folder or options.readings):
-        raise BadInputError("--readings is missing; allowed: SENSOR=COLUMNS of each sensor")
+        raise BadInputError("--readings is missing; allowed: SENSOR=COLUMNS...")
     if is_folder and options.readings:
         raise BadInputError(f"--readings with {path}; allowed: of a file, for the readings of a folder have names")
     out = options.out or path.with_name(f"{path.name if is_folder else path.stem}-{name.replace(':', '.')}")

@@ -70,10 +70,13 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
         check_spares(options.out, [options.file], "--out")
     try:
         log = read(options.file, PluginSpec(plugin, config))
+    except (ValueError, OSError) as error:
+        raise BadInputError(as_flags(worded(error))) from error
+    try:
         log = _changed(log, options)
         made = imported(log, _selection(log, options), digest_of(options.file))
     except (ValueError, OSError) as error:
-        raise BadInputError(as_flags(worded(error))) from error
+        raise BadInputError(as_flags(worded(error)).replace("--units", "--signal-units")) from error
     with run_folder(options.out) as claim:
         write_run_files(claim.new, made.config, made.summary, made.recording)
         claim.install(dropped=SOMETIMES)
@@ -101,7 +104,9 @@ def _changed(log: RecordedLog, options: LogImportOptions) -> RecordedLog:
 
 
 def _selection(log: RecordedLog, options: LogImportOptions) -> Selection:
-    readings = {name: names_in(signals) for name, signals in pairs("--readings", options.readings).items()}
+    readings: dict[str, Sequence[str]] = {
+        name: names_in(signals) for name, signals in pairs("--readings", options.readings).items()
+    }
     if not readings:
         taken = {channel for channel, _ in log.places([*names_in(options.inputs), *names_in(options.reference)])}
         readings = {

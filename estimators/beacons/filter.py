@@ -29,7 +29,7 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
+from mathnavi.models.unicycle.beacons import BeaconFieldMission, BeaconMission, BeaconQuality, beacons_of
 
 _HEADING = math.radians(20.0)  # [rad] to which a heading is known once the pose is found
 _FEWEST = 6  # readings until it is
@@ -83,19 +83,19 @@ class BeaconFilter:
             self._begin(None)
 
     @staticmethod
-    def build(config: BeaconBankConfig, mission: BeaconMission) -> BeaconFilter:
+    def build(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconFilter:
         """Build the estimator of one run."""
-        return BeaconFilter(config, mission)
+        return BeaconFilter(config, beacons_of(mission))
 
     @staticmethod
-    def sensors(config: BeaconBankConfig, mission: BeaconMission) -> tuple[Sensor, ...]:
+    def sensors(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> tuple[Sensor, ...]:
         """Sensors that the robot has to carry for this estimator."""
-        return mission.sensors_carried()
+        return beacons_of(mission).sensors_carried()
 
     @staticmethod
-    def quality(config: BeaconBankConfig, mission: BeaconMission) -> BeaconQuality:
+    def quality(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconQuality:
         """Declared quality of the first kind of readings."""
-        return next(quality for quality in mission.qualities if quality is not None)
+        return next(quality for quality in beacons_of(mission).qualities if quality is not None)
 
     @staticmethod
     def properties(config: BeaconBankConfig) -> ObserverProperties:
@@ -112,11 +112,11 @@ class BeaconFilter:
         )
 
     @staticmethod
-    def stagewise_model(config: BeaconBankConfig, mission: BeaconMission) -> BeaconModel:
+    def stagewise_model(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconModel:
         """Model for the smoother of a whole run."""
         from mathnavi.estimators.beacons.smoothing import StartFindingModel
 
-        return StartFindingModel(config, mission)
+        return StartFindingModel(config, beacons_of(mission))
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces odometry that there never was.

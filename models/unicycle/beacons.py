@@ -14,7 +14,7 @@ A reading is an array with an entry for each beacon, NaN where there is none; be
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -25,10 +25,10 @@ from mathnavi.interfaces.protocols import Sensor, StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.unicycle.kernels import integrate
-from mathnavi.models.unicycle.mission import TICK, WheelOdometry
+from mathnavi.models.unicycle.mission import TICK, RangingMission, WheelOdometry
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality
 
-RANGES, BEARINGS, DIFFERENCES = "ranges", "bearings", "range_differences"
+RANGES, BEARINGS, DIFFERENCES = "beacon_ranges", "beacon_bearings", "beacon_differences"
 """names of the sensors, in the order of their kinds 0, 1 and 2"""
 LEAST_NOISE = 1e-4  # [m, rad] least noise that an estimator assumes of a reading, however small the declared one is
 
@@ -114,13 +114,13 @@ class BeaconMission:
 
     def sensors_carried(self) -> tuple[Sensor, ...]:
         """Make the sensors of one run: those of the beacons that are read, and "odometry" (2,) [m/s, rad/s]."""
-        rate = 1.0 / self.period
+        rate = 1.0 / (self.interval or self.period)
         read = tuple(
             BeaconSensor(self.places, kind, quality, self.longest, self.range_scale, rate)
             for kind, quality in enumerate(self.qualities)
             if quality is not None
         )
-        return read if self.odometry_is_input else (*read, WheelOdometry(self.odometry, rate))
+        return read if self.odometry_is_input else (*read, WheelOdometry(self.odometry, 1.0 / self.period))
 
     @property
     def begins(self) -> float | None:
@@ -142,6 +142,33 @@ class BeaconMission:
         """Lengths [m] and [rad] of the two parts of ``difference`` between x (3,) and the truth (3,)."""
         differences = self.difference(x, truth)
         return math.hypot(differences[0], differences[1]), abs(float(differences[2]))
+
+
+@configuration
+class BeaconFieldMission(RangingMission):
+    """A robot within a wall that can read beacons as well as ranges of the wall; its pose is the one, not modulo
+    symmetry, for the beacons tell images of it apart.
+    """
+
+    beacons: BeaconMission = field(kw_only=True)
+    """beacons and how they are read; all else is that of this mission"""
+
+    @property
+    def beacon_mission(self) -> BeaconMission:
+        """Mission of an estimator that reads the beacons."""
+        return replace(
+            self.beacons, odometry=self.odometry, start=self.start, speed_max=self.speed_max,
+            turn_rate_max=self.turn_rate_max, period=self.period,
+        )  # fmt: skip
+
+    def difference(self, x: Array, truth: Array) -> Array:
+        """Estimate x (3,) minus the truth (3,) [m, m, rad]."""
+        return self.beacons.difference(x, truth)
+
+
+def beacons_of(mission: BeaconMission | BeaconFieldMission) -> BeaconMission:
+    """Return what a mission says of beacons."""
+    return mission.beacon_mission if isinstance(mission, BeaconFieldMission) else mission
 
 
 def exact_readings(places: Array, kind: int, pose: Array) -> Array:

@@ -24,7 +24,7 @@ mission = mn.BeaconMission(
 """
 IMPORT = (
     *("--time-column", "0", "--rates", "DR", "--spread", "TD:TD 2=TD:TD 1"),
-    *("--readings", "ranges=TD 2", "odometry=DR", "--reference", "GT", "--signal-units", "GT 3=rad"),
+    *("--readings", "beacon_ranges=TD 2", "odometry=DR", "--reference", "GT", "--signal-units", "GT 3=rad"),
     *("--reference-names", "x [m],y [m],heading [rad]"),
 )
 
@@ -40,7 +40,7 @@ def mower(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     steps = np.diff(t[rows], prepend=t[rows[0]] - PERIOD)
     ranges = [
         [t[k], float(i), rho[i]]
-        for k, rho in enumerate(driven.log.readings["ranges"])
+        for k, rho in enumerate(driven.log.readings["beacon_ranges"])
         for i in np.flatnonzero(np.isfinite(rho)).tolist()
     ]
     ranges[40], ranges[41] = ranges[41], ranges[40]  # late
@@ -70,7 +70,7 @@ def test_a_log_becomes_a_run_that_is_estimated_smoothed_reported_and_compared(
     assert (log.summary["stamps_late"], log.summary["stamps_doubled"]) == (1, 1)
     (signals,) = read_signal_names(mower / "run").values()
     assert signals.states == ("x [m]", "y [m]", "heading [rad]")
-    assert signals.readings["ranges"] == ("TD 1=0", "TD 1=1", "TD 1=2", "TD 1=3")
+    assert signals.readings["beacon_ranges"] == ("TD 1=0", "TD 1=1", "TD 1=2", "TD 1=3")
 
     assert main(["estimate", "beacon_bank", "run", "--mission", "mower.py:mission", "--out", "found"]) == 0
     assert main(["estimate", "smoother", "found", "--mission", "mower.py:mission", "--out", "smoothed"]) == 0
@@ -81,7 +81,7 @@ def test_a_log_becomes_a_run_that_is_estimated_smoothed_reported_and_compared(
     assert found["wrong_share"] < 0.05
     assert found["initialising_s"] > smoothed["initialising_s"]
     again = mn.read_log(mower / "mower.mat", time_column=0).rates("DR").spread("TD:TD 2", by="TD:TD 1")
-    own = again.sensor_log(readings={"ranges": "TD 2", "odometry": "DR"}, disorder="sort")
+    own = again.sensor_log(readings={"beacon_ranges": "TD 2", "odometry": "DR"}, disorder="sort")
     namespace: dict[str, mn.BeaconMission] = {}
     exec(MISSION, namespace)
     alone = mn.estimate("beacon_bank", namespace["mission"], own)
@@ -129,6 +129,6 @@ def test_a_smoother_needs_an_estimator_and_a_folder_no_readings(
     assert main(["log", "import", "mower.mat", "--out", "run", *IMPORT, "--disorder", "sort"]) == 0
     assert main(["estimate", "smoother", "run", "--mission", "mower.py:mission"]) == 2
     assert "the folder that `mathnavi estimate` has written" in capsys.readouterr().err.replace("\n", " ")
-    words = ("--mission", "mower.py:mission", "--readings", "ranges=TD 2")
+    words = ("--mission", "mower.py:mission", "--readings", "beacon_ranges=TD 2")
     assert main(["estimate", "beacon_bank", "run", *words]) == 2
     assert "--readings with run" in capsys.readouterr().err

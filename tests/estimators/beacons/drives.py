@@ -13,6 +13,7 @@ from mathnavi.models.unicycle.kernels import integrate
 
 PLACES = ((0.0, -20.0), (25.0, 2.0), (-18.0, 30.0), (22.0, 26.0))
 PERIOD = 0.2  # [s]
+SENSORS = {"ranges": "beacon_ranges", "bearings": "beacon_bearings", "range_differences": "beacon_differences"}
 
 
 @dataclass(frozen=True)
@@ -64,5 +65,5 @@ def drive(kind: str = "ranges", count: int = 600, *, scale: float = 0.07, outlie
             rows["odometry"].append(1.01 * u + noise if last else np.full(2, np.nan))
             times.append(t)
             truths.append(pose)
-    readings = {name: np.array(each) for name, each in rows.items()}
+    readings = {SENSORS.get(name, name): np.array(each) for name, each in rows.items()}
     return Drive(mn.SensorLog(np.array(times), readings), np.array(truths))

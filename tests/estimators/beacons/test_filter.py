@@ -72,7 +72,7 @@ def test_one_that_is_carried_away_is_lost_and_found_again() -> None:
     truth[n:, :2] = (truth[n:, :2] - pivot) @ np.array([[c, s], [-s, c]]) + pivot + moved[:2]
     truth[n:, 2] += moved[2]
     readings = {name: rows.copy() for name, rows in driven.log.readings.items()}
-    for kind, name in enumerate(("ranges", "bearings")):
+    for kind, name in enumerate(("beacon_ranges", "beacon_bearings")):
         for k in range(n, len(truth)):
             exact = exact_readings(np.array(PLACES), kind, truth[k])
             there = np.isfinite(readings[name][k])
@@ -88,14 +88,14 @@ def test_a_gap_makes_it_lost_and_a_reading_that_is_late_is_counted() -> None:
     driven = drive(count=300)
     n = len(driven.log.t) // 2
     readings = {name: rows.copy() for name, rows in driven.log.readings.items()}
-    readings["ranges"][n - 60 : n] = np.nan
+    readings["beacon_ranges"][n - 60 : n] = np.nan
     found = mn.estimate("beacon_bank", mission(), mn.SensorLog(driven.log.t, readings), timeout=2.0)
     assert found.status[n - 2] is mn.Status.LOST
 
     alone = BeaconFilter.build(BeaconFilter.Config(), mission())
     full = exact_readings(np.array(PLACES), 0, driven.truth[0])
-    alone.update(1.0, (mn.Measurement("ranges", 1.0, full),), np.zeros(2))
-    late = alone.update(1.2, (mn.Measurement("ranges", 0.5, full),), np.zeros(2))
+    alone.update(1.0, (mn.Measurement("beacon_ranges", 1.0, full),), np.zeros(2))
+    late = alone.update(1.2, (mn.Measurement("beacon_ranges", 0.5, full),), np.zeros(2))
     assert late.extra["unused"].sum() == 1
 
 
@@ -108,7 +108,7 @@ def test_two_beacons_leave_two_poses_until_the_robot_turns() -> None:
     t = 0.2 * np.arange(1, 151)
     pose = np.column_stack([5.0 + t * math.cos(0.4), 6.0 + t * math.sin(0.4), np.full(150, 0.4)])
     rho = np.array([exact_readings(np.array(places), 0, each) for each in pose])
-    straight = mn.SensorLog(t, {"ranges": rho, "odometry": np.tile([1.0, 0.0], (150, 1))})
+    straight = mn.SensorLog(t, {"beacon_ranges": rho, "odometry": np.tile([1.0, 0.0], (150, 1))})
     found = mn.estimate("beacon_bank", asked, straight)
     assert not found.usable.any()
     assert found.extra["hypotheses"][-1, 0] >= 2.0
@@ -121,7 +121,7 @@ def test_the_same_log_gives_the_same_estimates_and_the_odometry_may_be_its_input
     odometry = driven.log.readings["odometry"]
     rows = np.flatnonzero(np.isfinite(odometry[:, 0]))
     following = rows[np.minimum(np.searchsorted(rows, np.arange(len(odometry)) + 1), len(rows) - 1)]
-    ranges = {name: driven.log.readings[name] for name in ("ranges", "bearings")}
+    ranges = {name: driven.log.readings[name] for name in ("beacon_ranges", "beacon_bearings")}
     as_input = mn.SensorLog(driven.log.t, ranges, odometry[following])
     asked = dataclasses.replace(mission("ranges+bearings"), odometry_is_input=True)
     found = mn.estimate("beacon_bank", asked, as_input)

@@ -20,6 +20,7 @@ import numpy as np
 
 from mathnavi.estimators.beacons.bank import BeaconBank
 from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
+from mathnavi.estimators.beacons.smoothing import StartFindingModel
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.ranging.model import chi_square_gate
 from mathnavi.estimators.stagewise.model import StageBuilder
@@ -114,9 +115,8 @@ class BeaconFilter:
     @staticmethod
     def stagewise_model(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconModel:
         """Model for the smoother of a whole run."""
-        from mathnavi.estimators.beacons.smoothing import StartFindingModel
-
-        return StartFindingModel(config, beacons_of(mission))
+        known = beacons_of(mission)
+        return StartFindingModel(known, BeaconFilter(config, known))
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces odometry that there never was.

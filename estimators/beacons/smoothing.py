@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from mathnavi.estimators.beacons.bank import BeaconBank
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.interfaces.errors import ArgumentError
-from mathnavi.interfaces.signals import Array, Measurement
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.unicycle.beacons import BeaconMission
 
-if TYPE_CHECKING:
-    from mathnavi.estimators.beacons.filter import BeaconBankConfig
+_SURE = 0.999  # weight of the filter that is taken for the run's
+
+
+class Finder(Protocol):
+    """A filter that finds an unknown start."""
+
+    bank: BeaconBank
+    found: bool
+    begun_at: int
+    """number of stages with readings up to the one at which its filters began"""
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate at t [s]."""
+        ...
 
 
 class StartFindingModel(BeaconModel):
     """Model whose start, if it is not known, is that of the filter which the run leaves."""
 
-    def __init__(self, config: BeaconBankConfig, mission: BeaconMission) -> None:
+    def __init__(self, mission: BeaconMission, finder: Finder) -> None:
         super().__init__(mission)
-        self._config = config
+        self._finder = finder
         self._waits = 0  # stages with readings before the start
 
     def prepare(self, samples: Sequence[tuple[float, Sequence[Measurement], Array]]) -> None:
@@ -27,14 +40,12 @@ class StartFindingModel(BeaconModel):
 
         Of the poses that its first reading allows it is the one from which a filter leads to the pose that is left.
         """
-        from mathnavi.estimators.beacons.filter import BeaconFilter
-
         if self.mission.start is not None:
             return
-        finder = BeaconFilter(self._config, self.mission)
+        finder = self._finder
         for t, measurements, command in samples:
             finder.update(t, measurements, command)
-            if finder.found and finder.bank.weights.max() > 0.999:
+            if finder.found and finder.bank.weights.max() > _SURE:
                 break
         else:
             raise ArgumentError("the run does not say where it begins; allowed: one in which the filter finds the pose")

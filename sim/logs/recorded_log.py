@@ -161,7 +161,7 @@ class RecordedLog:
         return replace(self, channels={**self.channels, channel: replace(own, values=values, signals=tuple(signals))})
 
     def delayed(self, channel: str, seconds: float) -> RecordedLog:
-        """Return the log with the stamps of a channel later by so many seconds, as of commands that act later.
+        """Return the log with the stamps of a channel later by a number of seconds, as of commands that act later.
 
         Raises LogError for a channel that does not exist, and for a delay that is not finite.
         """

@@ -12,6 +12,7 @@ import numpy as np
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve, ellipse
+from mathnavi.models.unicycle.beacons import BeaconMission
 from mathnavi.models.unicycle.entity import FLOOR, DriveName, build_model
 from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission, wheel_rates
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
@@ -49,7 +50,7 @@ def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: 
 class Imagined:
     """A ``mathnavi.interfaces.protocols.StateView`` of a unicycle: what its sensors would see, without physics."""
 
-    mission: RangingMission
+    mission: RangingMission | BeaconMission
     x: Array  # (3,) pose
     acceleration: Array = field(default_factory=lambda: np.zeros(3))
     wheels: Array = field(default_factory=lambda: np.zeros(2))  # [rad] left and right

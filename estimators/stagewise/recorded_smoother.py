@@ -49,6 +49,10 @@ class RecordedSmoother:
         Raises ArgumentError if it has no reading to start at or batch least squares does not converge, LinAlgError if
         the filter diverges.
         """
+        prepare = getattr(self._model, "prepare", None)  # of a model that finds its start in the run
+        if prepare is not None:
+            samples = list(samples)
+            prepare(samples)
         builder = StageBuilder(self._model)
         stages = [stage for sample in samples for stage in builder.add(*sample)]
         self._read = np.array([stage.t for stage in stages if stage.readings])

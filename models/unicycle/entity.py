@@ -22,6 +22,7 @@ RADIUS = 0.16
 """radius [m] of the robot's bumper"""
 
 FLOOR = "floor"
+_BEACON = 0.04  # [m] radius of the site of a beacon
 
 _ROLLS_BY = ("height", "pitch", "roll")  # joints that the ideal robot lacks
 _HERE = Path(__file__).parent
@@ -68,13 +69,19 @@ class Unicycle(composer.Entity):
 
 
 def build_spec(
-    curve: Curve, angles: Sequence[float], drive: DriveName = "ideal", friction: float = 1.0, *, name: str = "robot"
+    curve: Curve,
+    angles: Sequence[float],
+    drive: DriveName = "ideal",
+    friction: float = 1.0,
+    *,
+    name: str = "robot",
+    beacons: Sequence[tuple[float, float]] = (),
 ) -> Any:
-    """Build the ``mujoco.MjSpec`` of a robot within a wall, not compiled yet.
+    """Build the ``mujoco.MjSpec`` of a robot within a wall, not compiled yet; ``beacons`` (n, 2) [m] become sites.
 
     The vehicle NAME has the joints ``NAME/x_1``, ``NAME/x_2``, ``NAME/phi`` first and ``NAME/wheel_left``,
-    ``NAME/wheel_right`` last, the sensors ``NAME/range_I`` and, of the angles [rad] of the wheels, ``NAME/wheel_left``
-    and ``NAME/wheel_right``.
+    ``NAME/wheel_right`` last, the sites ``beacon_I``, the sensors ``NAME/range_I`` and, of the angles [rad] of the
+    wheels, ``NAME/wheel_left`` and ``NAME/wheel_right``.
     """
     arena = FieldArena(curve)
     robot = Unicycle(name, angles, drive, friction)
@@ -85,12 +92,22 @@ def build_spec(
     root.option.flag.autoreset = "disable"  # a state that diverges has to be visible, not reset to the origin
     root.option.flag.sensor = "disable"  # rays are cast when a sensor is read, not at every tick
     root.compiler.autolimits = True
+    for i, (x, y) in enumerate(beacons):
+        root.worldbody.add(
+            "site", name=f"beacon_{i}", pos=(x, y, SENSOR_HEIGHT), size=(_BEACON,), rgba=(0.85, 0.35, 0.1, 1.0)
+        )
     arena.attach(robot)
     return mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
 
 
 def build_model(
-    curve: Curve, angles: Sequence[float], drive: DriveName = "ideal", friction: float = 1.0, *, name: str = "robot"
+    curve: Curve,
+    angles: Sequence[float],
+    drive: DriveName = "ideal",
+    friction: float = 1.0,
+    *,
+    name: str = "robot",
+    beacons: Sequence[tuple[float, float]] = (),
 ) -> Any:
     """Compile the ``mujoco.MjModel`` of ``build_spec``."""
-    return build_spec(curve, angles, drive, friction, name=name).compile()
+    return build_spec(curve, angles, drive, friction, name=name, beacons=beacons).compile()

@@ -100,11 +100,7 @@ class RecordedLog:
         """
         own = self[channel]
         ((_, k),) = self._places(f"{channel}{SEPARATOR}{by}")
-        keys = own.values[:, k]
-        if (bad := np.flatnonzero(keys != np.rint(keys))).size:
-            raise LogError(
-                f"{self.source}: {channel}{SEPARATOR}{by} is {keys[bad[0]]:g} in row {bad[0]}; allowed: whole numbers"
-            )
+        keys = self._whole(channel, k)
         columns = [j for j in range(len(own.signals)) if j != k]
         signals = tuple(own.signals[j] for j in columns)
         parts = {}
@@ -116,6 +112,72 @@ class RecordedLog:
         for name, each in self.channels.items():
             channels |= parts if name == channel else {name: each}
         return replace(self, channels=channels)
+
+    def spread(self, signal: str, by: str) -> RecordedLog:
+        """Return the log with one more channel, called like the signal: a column for each value of the signal ``by``.
+
+        Both are of one channel, whose rows say whose reading each is. Rows of one stamp that follow each other become
+        one, with NaN in the columns of those that were not read then; the same one read twice stays two rows.
+
+        Raises LogError for signals that do not exist or are of two channels, for values that are not whole numbers, and
+        for a channel that exists already.
+        """
+        ((channel, k),), ((other, of),) = self._places(signal), self._places(by)
+        own = self.channels[channel]
+        name, unit = name_and_unit(own.signals[k])
+        called = name_and_unit(own.signals[of])[0]
+        if channel != other:
+            raise LogError(f"{self.source}: {signal!r} is of {channel!r} and {by!r} of {other!r}; allowed: one channel")
+        if name in self.channels:
+            raise LogError(f"{self.source}: there is a channel {name!r} already; allowed: another signal")
+        keys = self._whole(channel, of)
+        columns = {key: j for j, key in enumerate(np.unique(keys).tolist())}
+        stamps: list[float] = []
+        rows: list[Array] = []
+        for t, key, value in zip(own.t.tolist(), keys.tolist(), own.values[:, k].tolist(), strict=True):
+            if not stamps or t != stamps[-1] or np.isfinite(rows[-1][columns[key]]):
+                stamps.append(t)
+                rows.append(np.full(len(columns), np.nan))
+            rows[-1][columns[key]] = value
+        signals = tuple(f"{called}={int(key)}" + (f" [{unit}]" if unit else "") for key in columns)
+        spread = replace(own, t=np.array(stamps), values=np.array(rows), signals=signals)
+        return replace(self, channels={**self.channels, name: spread})
+
+    def rates(self, channel: str) -> RecordedLog:
+        """Return the log with the numbers of a channel over the time since the row before: rates of what it counts.
+
+        The first row, and one whose stamp is not later than that before, has NaN. Raises LogError for a channel that
+        does not exist, and for signals with a unit that is not of a length or an angle.
+        """
+        own = self[channel]
+        steps = np.diff(own.t, prepend=np.nan)
+        values = own.values / np.where(steps > 0.0, steps, np.nan)[:, None]
+        signals = []
+        for signal in own.signals:
+            name, unit = name_and_unit(signal)
+            if unit not in ("", "m", "rad", "deg", "mm", "cm"):
+                raise LogError(f"{self.source}: the rate of {channel}:{signal}; allowed: of a length or an angle")
+            signals.append(f"{name} [{unit}/s]" if unit else name)
+        return replace(self, channels={**self.channels, channel: replace(own, values=values, signals=tuple(signals))})
+
+    def delayed(self, channel: str, seconds: float) -> RecordedLog:
+        """Return the log with the stamps of a channel later by a number of seconds, as of commands that act later.
+
+        Raises LogError for a channel that does not exist, and for a delay that is not finite.
+        """
+        own = self[channel]
+        note = f"{channel}: stamps later by {seconds:g} s, as was asked"
+        return replace(
+            self, channels={**self.channels, channel: replace(own, t=own.t + seconds)}, notes=(*self.notes, note)
+        )
+
+    def _whole(self, channel: str, k: int) -> Array:
+        """Numbers (n,) of a signal that are whole; LogError for others."""
+        keys: Array = self.channels[channel].values[:, k]
+        if (bad := np.flatnonzero(keys != np.rint(keys))).size:
+            where = f"{channel}{SEPARATOR}{self.channels[channel].signals[k]}"
+            raise LogError(f"{self.source}: {where} is {keys[bad[0]]:g} in row {bad[0]}; allowed: whole numbers")
+        return keys
 
     def sensor_log(
         self,
@@ -179,7 +241,7 @@ class RecordedLog:
         notes: list[str],
     ) -> tuple[Array, Array]:  # fmt: skip
         """Stamps (n,) and values (n, m) of the signals of a sensor, in SI units and in order."""
-        places = [place for each in ([wanted] if isinstance(wanted, str) else wanted) for place in self._places(each)]
+        places = self.places(wanted)
         if not places:
             raise LogError(f"{self.source}: {sensor} has no signal; allowed: one or more")
         (first, _), t = places[0], self.channels[places[0][0]].t
@@ -241,6 +303,14 @@ class RecordedLog:
             several = ", ".join(f"{each}{SEPARATOR}{name}" for each, _ in places)
             raise LogError(f"{self.source}: several signals are called {name!r}; allowed: {several}")
         return places
+
+    def places(self, wanted: str | Sequence[str]) -> list[tuple[str, int]]:
+        """Channel and column of each signal that is meant by names; LogError for one that does not exist."""
+        return [place for each in ([wanted] if isinstance(wanted, str) else wanted) for place in self._places(each)]
+
+    def units_of(self, given: Mapping[str, str]) -> dict[tuple[str, int], str]:
+        """Unit of each signal for which one is given, by channel and column; LogError as ``sensor_log``."""
+        return {place: unit for name, unit in given.items() for place in self._places(name)}
 
     def _units(self, given: Mapping[str, str]) -> dict[tuple[str, int], float]:
         """Factor to SI units of each signal whose unit is given."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mathnavi.estimators.stagewise.model import StagewiseModel
 from mathnavi.interfaces.signals import Array, Integers, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.models.unicycle.beacons import BeaconFieldMission
 from mathnavi.models.unicycle.entity import RADIUS
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
@@ -209,8 +210,10 @@ def _time_in(recording: Recording, name: str, status: Status) -> float:
     return float(np.diff(recording.t)[np.array(held[:-1], dtype=bool)].sum())
 
 
-def _observable(mission: RangingMission) -> str:
-    """Components of the pose, in words, that ranges can determine at most, for any motion of the robot."""
+def _observable(mission: RangingMission) -> str | None:
+    """Components of the pose, in words, that ranges can determine at most, for any motion; None with beacons."""
+    if isinstance(mission, BeaconFieldMission):
+        return None
     symmetry = mission.curve.symmetry
     if symmetry == 0:
         return "distance from the centre, heading relative to its direction"

@@ -21,6 +21,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.sensor_faults import Outage, Saturated
+from mathnavi.models.unicycle.beacons import BEARINGS, DIFFERENCES, RANGES, BeaconFieldMission
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
 from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
@@ -132,7 +133,9 @@ def _task(mission: RangingMission, body: MujocoPlant, duration: float) -> Task:
 
 def _mission(config: RangeLocalisationConfig) -> RangingMission:
     """Mission without the knowledge of the start."""
-    return RangingMission(
+    beacons = config.beacons.mission()
+    kind: Any = RangingMission if beacons is None else partial(BeaconFieldMission, beacons=beacons)
+    mission: RangingMission = kind(
         curve=config.field.curve(),
         angles=tuple(math.radians(angle) for angle in config.sensors),
         ranging=config.noise.ranging(),
@@ -141,6 +144,7 @@ def _mission(config: RangeLocalisationConfig) -> RangingMission:
         turn_rate_max=config.turn_rate_max,
         margin=config.margin,
     )
+    return mission
 
 
 def _as_it_is(mission: RangingMission, config: RangeLocalisationConfig) -> RangingMission:
@@ -208,14 +212,15 @@ def _three(values: Array) -> tuple[float, float, float]:
 
 
 def _with_faults(sensors: tuple[Sensor, ...], config: RangeLocalisationConfig) -> tuple[Sensor, ...]:
-    """Sensors, their ranges up to the saturation of the fields, and without any during the outages."""
+    """Sensors, their ranges up to the saturation of the fields, and without any, nor beacons, during the outages."""
     outage, most = config.outage, config.mismatch.range_saturation
 
     def faulty(sensor: Sensor) -> Sensor:
-        saturated = sensor if most is None else Saturated(sensor, most)
+        saturated = Saturated(sensor, most) if most is not None and sensor.name == "ranges" else sensor
         return Outage(saturated, outage) if outage else saturated
 
-    return tuple(faulty(sensor) if sensor.name == "ranges" else sensor for sensor in sensors)
+    read = ("ranges", RANGES, BEARINGS, DIFFERENCES)
+    return tuple(faulty(sensor) if sensor.name in read else sensor for sensor in sensors)
 
 
 def _body(
@@ -227,7 +232,8 @@ def _body(
 ) -> MujocoPlant:
     """Plant of the robot at rest at a pose (3,)."""
     turned = math.radians(config.mismatch.mounting)
-    model = _model(mission.curve, tuple(a + turned for a in mission.angles), config.drive, config.friction)
+    angles = tuple(a + turned for a in mission.angles)
+    model = _model(mission.curve, angles, config.drive, config.friction, config.beacons.places)
     start = np.zeros(2 * model.nq)
     start[:3] = pose
     setup = VehicleSetup(
@@ -241,8 +247,10 @@ def _body(
 
 
 @lru_cache(maxsize=8)
-def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: float) -> mujoco.MjModel:
-    return build_model(curve, angles, drive, friction, name=VEHICLE)
+def _model(
+    curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: float, beacons: tuple[tuple[float, float], ...]
+) -> mujoco.MjModel:
+    return build_model(curve, angles, drive, friction, name=VEHICLE, beacons=beacons)
 
 
 def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Array) -> RangingRecord:

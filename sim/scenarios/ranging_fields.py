@@ -19,13 +19,15 @@ from mathnavi.interfaces.bounds import (
     Fraction,
     NonNegative,
     Positive,
+    TickRate,
     configuration,
     whole_ticks,
 )
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.interfaces.field_table import NumberList
+from mathnavi.interfaces.field_table import TOGETHER, NumberList
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
+from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
@@ -36,6 +38,7 @@ _HALF_AXES = (3.763, math.sqrt(2.0))
 _START_ERROR = (0.3, 0.3, 17.0)
 _SHORTEST, _LONGEST = 0.5, 20.0  # [m] of a half-axis
 _MOST_SENSORS = 64
+_AROUND = 3.0  # [m] by which a robot may be outside the box around all beacons
 _AXES = f"two finite values from {_SHORTEST:g} to {_LONGEST:g} m"
 
 
@@ -44,6 +47,9 @@ def _is_outage(times: tuple[float, float]) -> bool:
     return math.isfinite(end) and 0.0 <= begin < end
 
 
+_PLACE = Condition(
+    lambda place: all(abs(each) <= _LONGEST for each in place), f"two values from -{_LONGEST:g} to {_LONGEST:g} m"
+)
 _OUTAGE = Condition(_is_outage, "two finite times, 0 <= T0 < T1")
 HalfAxes = Annotated[tuple[float, float], Each(Interval(ge=_SHORTEST, le=_LONGEST), allowed=_AXES)]
 SensorDirections = Annotated[
@@ -118,6 +124,54 @@ class RangingNoise:
         return OdometryQuality(self.odometry_noise, self.odometry_bias, slip)
 
 
+BeaconKind = Literal["ranges", "bearings", "range-differences"]
+
+
+@configuration(prefix="beacons.")
+class BeaconFields:
+    """Beacons at known places, which estimators such as beacon_bank read in place of the wall."""
+
+    places: Annotated[tuple[tuple[float, float], ...], Each(_PLACE)] = ()
+    """place X Y of a beacon [m]; may be given several times"""
+    read: Annotated[tuple[BeaconKind, ...], TOGETHER] = ("ranges",)
+    """readings of each beacon: ranges, bearings, range differences to the first, or several of these"""
+    range_noise: Annotated[NonNegative, Le(_LONGEST)] = 0.1
+    """standard deviation of a range and of a range difference [m]"""
+    range_scale: Fraction = 0.0
+    """standard deviation of the relative error of all ranges, constant over a run, drawn from the seed"""
+    bearing_noise: Annotated[float, Radians(0.0, math.pi)] = 0.02
+    """standard deviation of a bearing [rad]"""
+    outliers: Fraction = 0.0
+    """fraction of readings that are anything"""
+    dropout: Fraction = 0.0
+    """fraction of readings that are lost"""
+    rate: Annotated[float, TickRate(TICK)] = 10.0
+    """rate at which all beacons are read [Hz]"""
+
+    def __post_init__(self) -> None:
+        if len(set(self.places)) < len(self.places):
+            raise FieldError(f"beacons.places = {self.places!r} holds one place twice; allowed: different places")
+        if not self.read:
+            raise FieldError("beacons.read is empty; allowed: ranges, bearings, range-differences")
+        if "range-differences" in self.read and len(self.places) == 1:
+            raise FieldError("beacons.read = range-differences of one beacon; allowed: two beacons or more")
+
+    def mission(self) -> BeaconMission | None:
+        """Beacons as a mission declares them; None without any."""
+        if not self.places:
+            return None
+        length = BeaconQuality(self.range_noise, 0.0, self.dropout, self.outliers)
+        return BeaconMission(
+            self.places,
+            ranges=length if "ranges" in self.read else None,
+            bearings=dataclasses.replace(length, absolute=self.bearing_noise) if "bearings" in self.read else None,
+            range_differences=length if "range-differences" in self.read else None,
+            range_scale=self.range_scale,
+            surroundings=_AROUND,
+            interval=1.0 / self.rate,
+        )
+
+
 @configuration(prefix="mismatch.")
 class RangingMismatch:
     """Mismatch of the sensors' true errors to the declared ones; undeclared wheel slip follows from ``friction``."""
@@ -176,6 +230,7 @@ class RangeLocalisationConfig(ChanceFields):
     """outage T0 T1 [s] of the ranges, from T0 to T1; may be given several times"""
     noise: RangingNoise = dataclasses.field(default_factory=RangingNoise)
     mismatch: RangingMismatch = dataclasses.field(default_factory=RangingMismatch)
+    beacons: BeaconFields = dataclasses.field(default_factory=BeaconFields)
 
     def __post_init__(self) -> None:
         if self.noise.outliers + self.mismatch.outliers > 1.0:

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from mathnavi.models.terrain.height_field import HeightField
     from mathnavi.models.terrain.library import load_terrain
     from mathnavi.models.terrain.visibility import Radar
+    from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
     from mathnavi.models.unicycle.mission import RangingMission
     from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
     from mathnavi.scripting.flight import FlightPlan, Verdict, certify, plan_flight
@@ -106,6 +107,8 @@ _PLACES = {
     "Channel": "sim.logs.recorded_log",
     "EstimateHistory": "sim.records.sensor_log",
     "RangingMission": "models.unicycle.mission",
+    "BeaconMission": "models.unicycle.beacons",
+    "BeaconQuality": "models.unicycle.beacons",
     "RangeQuality": "models.unicycle.quality",
     "OdometryQuality": "models.unicycle.quality",
     "KnownStart": "models.unicycle.quality",
@@ -184,6 +187,8 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Channel",
     "EstimateHistory",
     "RangingMission",
+    "BeaconMission",
+    "BeaconQuality",
     "RangeQuality",
     "OdometryQuality",
     "KnownStart",

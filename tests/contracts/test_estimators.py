@@ -46,6 +46,7 @@ from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
 from mathnavi.models.unicycle.mission import TICK as RANGING_TICK
 from mathnavi.models.unicycle.mission import RangingMission, wheel_rates
 from mathnavi.models.unicycle.patterns import figure_eight
@@ -172,6 +173,34 @@ def ranging_bench(silent: bool = False) -> Bench:
         np.array([0.3, 0.3, 0.2]),
         np.array([1e-4, 1e-4, 1e-4]),
         3.0,
+        mission.difference,
+    )
+
+
+def beacons_bench(silent: bool = False) -> Bench:
+    """A figure of eight among four beacons whose ranges are read, from a start that is not known but on the silent
+    bench.
+    """
+    start, period = np.array([0.6, -0.3, 0.8, 0.0, 0.0]), 0.05
+    mission = BeaconMission(
+        ((3.0, 2.0), (-3.0, 2.5), (-2.5, -3.0), (3.5, -2.0)),
+        BeaconQuality() if silent else BeaconQuality(0.05, dropout=0.05),
+        range_scale=0.0 if silent else 0.02,
+        odometry=OdometryQuality() if silent else OdometryQuality((0.05, 0.05), 0.02),
+        start=KnownStart(tuple(start[:3]), (0.3,) * 3) if silent else None,
+        surroundings=2.0,
+        period=period,
+    )
+    return Bench(
+        mission,
+        period,
+        start,
+        lambda t: np.array(figure_eight(t + 0.5 * period, 0.5, 8.0)),
+        lambda x, u: np.concatenate([mission.flow(x[:3], u, period), x[3:] + wheel_rates(u) * period]),
+        lambda x, u: Imagined(mission, x[:3], wheels=x[3:]),
+        np.array([0.3, 0.3, 0.2]),
+        np.array([1e-4, 1e-4, 1e-4]),
+        12.0,
         mission.difference,
     )
 
@@ -354,6 +383,7 @@ BENCHES: dict[str, Callable[[bool], Bench]] = {
     "planar missile": partial(missile_bench, "planar"),
     "spatial missile": partial(missile_bench, "spatial"),
     "ranging": ranging_bench,
+    "beacons": beacons_bench,
     "quadrotor": quadrotor_bench,
     "rigid body": rigid_body_bench,
     "hyperbolic plane": partial(point_bench, hyperbolic_space(2)),

@@ -1,6 +1,8 @@
-"""``mathnavi estimate ESTIMATOR FILE``: an estimator over a log, a text file with a table.
+"""``mathnavi estimate ESTIMATOR FILE --mission``: an estimator over a log, a text file with a table, or over the
+folder of a run that was imported from one.
 
-It is ``mathnavi.estimate`` over ``SensorLog.from_csv``: prints the same, and writes the estimates.
+It is ``mathnavi.estimate`` over ``SensorLog.from_csv`` or over the readings of the folder: prints the same, and writes
+the estimates; those of a folder as the folder of a run, with its figures beside the reference.
 """
 
 from __future__ import annotations
@@ -18,20 +20,26 @@ from mathnavi.commands.advised_flags import as_flags
 from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin, print_note, worded
-from mathnavi.commands.output import output_folder
+from mathnavi.commands.output import output_folder, run_folder
+from mathnavi.commands.summary import summary_table
+from mathnavi.estimators.stagewise.recorded_smoother import SmootherConfig, Smoothing
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import TOGETHER, ValueName
+from mathnavi.interfaces.fields import instance, plain
 from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.reading.table_format import TableFormat, names_in
 from mathnavi.interfaces.writing import write_together
+from mathnavi.sim.logs.imported import sensor_log_of, with_estimates
 from mathnavi.sim.plugin.named_object import named_object
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.files import npz_bytes
+from mathnavi.sim.records.run_folder import SOMETIMES, read_record, write_run_files
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
 ARRAYS, TABLE = "estimates.npz", "estimates.csv"
+SMOOTHER = "smoother"  # of the estimator that has written the folder
 
 
 @configuration
@@ -41,8 +49,8 @@ class EstimateLogOptions:
     mission: Annotated[str, ValueName("FILE.py:NAME")]
     """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file, which
     runs with your rights"""
-    readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMNS...")]
-    """columns of each sensor by its name, with commas between them"""
+    readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMNS...")] = ()
+    """columns of each sensor by its name, with commas between them; of a folder its readings have their names"""
     inputs: Annotated[str, ValueName("COLUMNS")] = ""
     """columns of the input, with commas between them; zero if not given"""
     time: str = "t"
@@ -62,60 +70,89 @@ class EstimateLogOptions:
 
 
 def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
-    """Run the estimator called ``name`` over the log in a file, and return the exit code."""
-    with bad_plugin():
-        plugin = load("estimators", name)
+    """Run the estimator called ``name`` over the log in a file or a folder, and return the exit code."""
+    plugin, default = _estimator(name, path)
     groups = (
         FlagGroup(EstimateLogOptions),
         FlagGroup(TableFormat, default=TableFormat()),
-        FlagGroup(plugin.Config, "estimator", plugin.Config(), f"Fields of estimator {name}."),
+        FlagGroup(type(default), "estimator", default, f"Fields of estimator {name}."),
     )
     prog = f"mathnavi estimate {name} FILE"
     options, form, fields = parse(words, prog, (plugin.__doc__ or "").strip().partition("\n")[0], *groups)
-    out = options.out or path.with_name(f"{path.stem}-{name.replace(':', '.')}")
+    is_folder = path.is_dir()
+    if not (is_folder or options.readings):
+        raise BadInputError("--readings is missing; allowed: SENSOR=COLUMNS...")
+    if is_folder and options.readings:
+        raise BadInputError(f"--readings with {path}; allowed: of a file, for the readings of a folder have names")
+    out = options.out or path.with_name(f"{path.name if is_folder else path.stem}-{name.replace(':', '.')}")
     files = [out / ARRAYS, out / TABLE]
     known = [flag for group in groups for flag in group.section.flags]
     with bad_input():
         for file in files:
             check_spares(file, [path], "--out")
+        check_spares(out, [path], "--out")
     try:
         mission = named_object(options.mission)
     except PluginError as error:
         raise BadInputError(f"--mission = {error}") from error
     errors = Console(stderr=True, markup=False)
-    with output_folder(out):
+    with run_folder(out) if is_folder else output_folder(out) as claim:
         try:
-            log = _log(path, options, form)
+            log = sensor_log_of(path) if is_folder else _log(path, options, form)
             for note in log.notes:
                 print_note(errors, f"{path}: {note}")
             found = estimate(PluginSpec(plugin, fields), mission, log, trust_units=options.trust_units)
         except (ValueError, OSError) as error:
             raise BadInputError(as_flags(with_flag(worded(error), known))) from error
-        write_together(dict(zip(files, _contents(found, log), strict=True)))
+        if claim is None:
+            write_together(dict(zip(files, _contents(found, log), strict=True)))
+        else:
+            record = {"name": name, "fields": plain(fields), "mission": options.mission}
+            made = with_estimates(path, found, record)
+            write_run_files(claim.new, made.config, made.summary, made.recording)
+            claim.install(dropped=SOMETIMES)
     print(found)
-    print(f"estimates  {out}")
+    if claim is not None:
+        Console(markup=False, highlight=False).print(summary_table(made.summary, ()))
+    print(f"{'estimates' if claim is None else 'run     '}  {out}")
     return 0 if found.ok.any() else 1
 
 
+def _estimator(name: str, path: Path) -> tuple[Any, Any]:
+    """The plug-in with a name and its configuration; the smoother that of the estimator in the folder."""
+    if name != SMOOTHER:
+        with bad_plugin():
+            plugin = load("estimators", name)
+        return plugin, plugin.Config()
+    recorded = read_record(path)[0].get("estimator") if path.is_dir() else None
+    if recorded is None:
+        raise BadInputError(f"{SMOOTHER} of {path}; allowed: of the folder that `mathnavi estimate` has written")
+    with bad_plugin():
+        filter_ = load("estimators", recorded["name"])
+    with bad_input():
+        smoothing = Smoothing(filter_, instance(filter_.Config, recorded["fields"], "$.estimator.fields"))
+    return smoothing, SmootherConfig()
+
+
 def _log(path: Path, options: EstimateLogOptions, form: TableFormat) -> SensorLog:
-    readings = {sensor: names_in(columns) for sensor, columns in _pairs("--readings", options.readings).items()}
+    readings = {sensor: names_in(columns) for sensor, columns in pairs("--readings", options.readings).items()}
     return SensorLog.from_csv(
         path,
         time=options.time,
         readings=readings,
         inputs=names_in(options.inputs),
         time_unit=options.time_unit,
-        units=_pairs("--units", options.units),
+        units=pairs("--units", options.units),
         quaternions=options.quaternions,
         **{name: getattr(form, name) for name in form.__dataclass_fields__},
     )
 
 
-def _pairs(flag: str, words: Sequence[str]) -> dict[str, str]:
+def pairs(flag: str, words: Sequence[str]) -> dict[str, str]:
     """Return the values of words NAME=VALUE by their names."""
     pairs: dict[str, str] = {}
     for word in words:
-        name, equals, value = word.rpartition("=") if flag == "--units" else word.partition("=")
+        name, equals, value = word.rpartition("=") if "units" in flag else word.partition("=")
         if not (name and equals and value):
             raise BadInputError(f"{flag} = {word}; allowed: NAME=VALUE")
         if name in pairs:

@@ -1,4 +1,5 @@
-"""``mathnavi log``: what is in a log of others, with its rates, gaps and ranges, before an estimator takes it."""
+"""``mathnavi log show``: what is in a log of others, with its rates, gaps and ranges, before an estimator takes it;
+``mathnavi log import``: the folder of a run from it (``log_import``)."""
 
 from __future__ import annotations
 
@@ -27,6 +28,7 @@ from mathnavi.sim.logs.timing import GAP, longest_constant
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
 
 USAGE = """usage: mathnavi log show FILE [--format NAME] [OPTIONS]
+       mathnavi log import FILE --out DIR [--format NAME] [--readings SENSOR=SIGNALS...] [OPTIONS]
 
 FILE: a log, or the folder of a bag of ROS 2; NAME: {}
 
@@ -53,11 +55,15 @@ class LogShowOptions:
 def main(argv: Sequence[str]) -> int:
     if not argv or argv[0] in ("-h", "--help"):
         if not argv:
-            raise BadInputError("log: no command; allowed: show")
+            raise BadInputError("log: no command; allowed: show, import")
         print(wrapped(USAGE.format(", ".join(names(KIND)))))
         return 0
+    if argv[0] == "import":
+        from mathnavi.commands.log_import import import_log
+
+        return import_log(argv[1:], _format(argv[1:]))
     if argv[0] != "show":
-        raise BadInputError(f"log {argv[0]}: not a command; allowed: show")
+        raise BadInputError(f"log {argv[0]}: not a command; allowed: show, import")
     words = argv[1:]
     plugin = _format(words)
     groups = FlagGroup(LogShowOptions), FlagGroup(plugin.Config, default=plugin.Config())

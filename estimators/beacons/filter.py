@@ -1,0 +1,248 @@
+"""The plug-in ``beacon_bank``: the pose of a unicycle from odometry and readings of beacons, each at its own time.
+
+A bank of extended Kalman filters (``bank``) finds an unknown start; once one pose is left it is one filter. It begins
+again, from anywhere, where its readings contradict it for long, or where it has not read a beacon for so long that it
+knows next to nothing.
+
+    INITIALISING   until position and heading are known: their standard deviations, over all filters that are left,
+                   are at most a share ``found`` of the surroundings and 20 degrees
+    LOST           without a reading for ``timeout``, and from a new beginning on until the pose is found again
+    DEGRADED       without odometry for ``timeout``; while innovations are larger or less random than declared
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from mathnavi.estimators.beacons.bank import BeaconBank
+from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
+from mathnavi.estimators.beacons.smoothing import StartFindingModel
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
+from mathnavi.estimators.ranging.model import chi_square_gate
+from mathnavi.estimators.stagewise.model import StageBuilder
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, waiting, worst
+from mathnavi.interfaces.bounds import Positive, PositiveFraction, Probability, configuration
+from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Sensor
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.unicycle.beacons import BeaconFieldMission, BeaconMission, BeaconQuality, beacons_of
+
+_HEADING = math.radians(20.0)  # [rad] to which a heading is known once the pose is found
+_FEWEST = 6  # readings until it is
+_RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of a pose that is wrong
+_UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is not known any more
+_SHARE = 3.0  # standard deviations by which more readings may be refused than are declared as outliers
+_COUNTED = 100  # readings over which that is
+
+
+@configuration
+class BeaconBankConfig:
+    """Fields of the command line."""
+
+    gate: Probability = 1e-5
+    """probability that a good reading is refused"""
+    found: PositiveFraction = 0.05
+    """standard deviation of a position that is found, as a share of the diagonal of the surroundings"""
+    timeout: Positive = 5.0
+    """time without a beacon after which the estimate is lost, and without odometry after which it is degraded [s]"""
+
+
+class BeaconFilter:
+    """Estimator of the pose from beacons or landmarks and odometry: a bank of Kalman filters that finds the start."""
+
+    Config = BeaconBankConfig
+
+    def __init__(self, config: BeaconBankConfig, mission: BeaconMission) -> None:
+        self.period = mission.period
+        self.model = BeaconModel(mission)
+        self.bank = BeaconBank(self.model, chi_square_gate(config.gate))
+        self._stages, self.counts = StageBuilder(self.model), ReadingCounts()
+        interval = mission.interval or mission.period
+        self._beacons = TimeoutMonitor(config.timeout, interval)
+        self._odometry = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
+        self._monitor = InnovationMonitor("readings", 1, interval)
+        self._fits = InnovationMean(chi_square_gate(config.gate))
+        self._farthest = config.found * mission.longest  # [m]
+        self._outliers = max(quality.outliers for quality in mission.qualities if quality is not None)
+        self.found = mission.start is not None
+        """whether the pose is known"""
+        self.begun_at = 0
+        """number of stages with readings up to the one at which the filters began, itself among them"""
+        self._stage = 0
+        self._again = False  # True from a new beginning on
+        self._used = 0  # readings since the beginning
+        self._refused: deque[bool] = deque(maxlen=_COUNTED)
+        self._nis = np.full(2, np.nan)
+        if mission.start is not None and mission.begins is not None:
+            self._stages.add(mission.begins, (), np.zeros(2))
+        if mission.start is not None:
+            self._begin(None)
+
+    @staticmethod
+    def build(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconFilter:
+        """Build the estimator of one run."""
+        return BeaconFilter(config, beacons_of(mission))
+
+    @staticmethod
+    def sensors(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> tuple[Sensor, ...]:
+        """Sensors that the robot has to carry for this estimator."""
+        return beacons_of(mission).sensors_carried()
+
+    @staticmethod
+    def quality(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconQuality:
+        """Declared quality of the first kind of readings."""
+        return next(quality for quality in beacons_of(mission).qualities if quality is not None)
+
+    @staticmethod
+    def properties(config: BeaconBankConfig) -> ObserverProperties:
+        """Properties of the observer (Table 2.1)."""
+        return ObserverProperties(
+            domain_of_attraction=Domain.GLOBAL,
+            rate=Rate.ASYMPTOTIC,
+            input_dependence=InputDependence.NON_UNIFORM,
+            observer_domain=Domain.GLOBAL,
+            system_domain=Domain.GLOBAL,
+            stays_on_truth=False,
+            note="from ranges to beacons on a line only once the robot turns; its expected reading is a mean over its "
+            "covariance and differs from the true one even on the truth, by less the surer it is",
+        )
+
+    @staticmethod
+    def stagewise_model(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconModel:
+        """Model for the smoother of a whole run."""
+        known = beacons_of(mission)
+        return StartFindingModel(known, BeaconFilter(config, known))
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces odometry that there never was.
+
+        ``extra["nis"]`` (2,) is NIS and the number of readings in it, NaN where there was no update,
+        ``extra["hypotheses"]`` (1,) the number of filters, ``extra["scales"]`` (3,) the scale errors of speed, turn
+        rate and ranges; ``extra`` also counts the readings that were not used.
+        """
+        self._count(measurements)
+        if any(self.model.odometry(each) is not None for each in measurements):
+            self._odometry.note(t)
+        self._nis[:] = np.nan
+        for stage in self._stages.add(t, measurements, command):
+            if self.bank.begun:
+                for h, u in stage.inputs:
+                    self.bank.predict(u, h)
+            self._stage += bool(stage.readings)
+            for y in stage.readings:
+                self._take(stage.t, y)
+        return self._estimate(t)
+
+    def _count(self, measurements: Sequence[Measurement]) -> None:
+        for each in measurements:
+            reason = self.model.unused(each)
+            if reason is None and self._stages.is_late(each.t) and each.name != ODOMETRY:
+                reason = Unused.LATE
+            if reason is None:
+                broken = int(np.isinf(each.value).sum())
+                if broken:
+                    self.counts.add(Unused.NOT_FINITE, broken)
+            elif reason is not Unused.NOT_FINITE or not np.isnan(each.value).all():
+                self.counts.add(reason)
+
+    def _begin(self, y: Array | None) -> None:
+        started = self.model.start(None) if y is None else None
+        if started is not None:
+            self.bank.begin(*started)
+        elif y is not None:
+            self.bank.begin_anywhere(y)
+        self._used, self.begun_at = 0, self._stage
+        self._refused.clear()
+
+    def _take(self, t: float, y: Array) -> None:
+        """Condition on the readings y (rows,) of t [s]."""
+        if not self.bank.begun or (self._is_unknown() and self.found):
+            self._again = self._again or self.found
+            self.found = False
+            self._begin(y)
+        known = self.found
+        answers = self.bank.condition(y)
+        squares = np.array([nu * nu / s for _, nu, s, _ in answers])
+        refused = np.array([beta < 0.5 for *_, beta in answers])
+        self._used += len(answers)
+        self._refused.extend(refused.tolist())
+        good = ~refused
+        if refused.any() and known:
+            self.counts.add(Unused.OUTLIER, int(refused.sum()))
+        if good.any():
+            self._nis[:] = np.nansum([self._nis[0], squares[good].sum()]), np.nansum([self._nis[1], good.sum()])
+        fits = self._fits.fits(squares, self._beacons.converged)
+        self._beacons.note(t, agrees=fits)
+        if known:
+            declared = self._as_declared()
+            for (row, nu, s, _), out in zip(answers, refused.tolist(), strict=True):
+                if not (out and declared):
+                    self._monitor.note(t, np.array([nu]), np.array([[s]]), np.array([[self._noise(row, s)]]))
+        elif self._is_found():
+            self.found = True
+            self._monitor.begin_again()
+            if self._again:
+                self._beacons.restart(t)
+            self._again = False
+        recent = list(self._refused)[-_RECENT:]
+        if len(recent) == _RECENT and sum(recent) >= _REFUSED:
+            self._again, self.found = self._again or self.found, False
+            self._begin(y)
+            self.bank.condition(y)
+
+    def _noise(self, row: int, s: float) -> float:
+        """Variance of the reading itself, at most s."""
+        kind, _ = self.model.entries[row]
+        return min(float(self.model.errors[kind][0]) ** 2, s)
+
+    def _as_declared(self) -> bool:
+        """True while no more readings are refused than are declared as outliers."""
+        count, share = len(self._refused), self._outliers
+        return sum(self._refused) <= share * count + _SHARE * math.sqrt(share * (1.0 - share) * count)
+
+    def _is_found(self) -> bool:
+        if self._used < _FEWEST:
+            return False
+        _, P = self.bank.moments()
+        return float(P[0, 0] + P[1, 1]) <= self._farthest**2 and float(P[2, 2]) <= _HEADING**2
+
+    def _is_unknown(self) -> bool:
+        _, P = self.bank.moments()
+        return float(P[0, 0] + P[1, 1]) > (_UNKNOWN * self.model.mission.longest) ** 2
+
+    def _estimate(self, t: float) -> Estimate:
+        if not self.bank.begun:
+            low, high = self.model.mission.box
+            deviations = np.array([*(high - low) / math.sqrt(12.0), math.pi / math.sqrt(3.0)])
+            x, P = np.concatenate([0.5 * (low + high), np.zeros(4)]), self.model.covariance(deviations)
+        else:
+            x, P = self.bank.moments()
+            P = P * self._monitor.inflation
+        status, message = self._status(t, P[:3, :3])
+        extra = {
+            "nis": self._nis.copy(),
+            "hypotheses": np.array([float(len(self.bank.weights))]),
+            "scales": x[3:].copy(),
+            **self.counts.extra,
+        }
+        return Estimate(t, x[:3].copy(), P[:3, :3].copy(), status, extra, message)
+
+    def _status(self, t: float, P: Array) -> tuple[Status, str]:
+        status = self._beacons.status(t, P)
+        if status is Status.INITIALISING:
+            return status, waiting(status, "beacons")
+        if status is Status.LOST:
+            return status, ""
+        if not self.found:
+            if self._again:
+                return Status.LOST, "looks for its pose"
+            return Status.INITIALISING, "waits until one pose is left"
+        odometry = Status.OK if self.model.mission.odometry_is_input else self._odometry.status(t)
+        odometry = Status.OK if odometry is Status.INITIALISING else odometry
+        found = worst(status, odometry, self._monitor.status(t))
+        return found, self._monitor.message if found is not Status.OK else ""

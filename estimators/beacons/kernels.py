@@ -1,0 +1,194 @@
+"""Extended Kalman filters of a unicycle that reads beacons, several side by side, compiled.
+
+The state is the pose with three constant errors, (x_1, x_2, phi, b_1, b_2, c): those of the odometry's scale,
+u_i = (1 - b_i) u_i_measured, and that of all ranges, (1 + c) rho. The odometry has white noise besides, so that what it
+adds over h [s] has the covariance h diag(w_1, w_2) in (distance, turn). With F, G the derivatives of the exact motion,
+
+    P <- A P A' + G diag(w) G' / h.
+
+Readings are scalars and their noises are independent, so one after the other is used. Of a reading y with the
+expectation h(x), its gradient H and its second derivative D,
+
+    nu = y - h - tr(D P) / 2,   s = H P H' + r + tr(D P D P) / 2,   x <- x + beta P H' nu / s,
+
+r being its variance; the terms with D are the mean and the variance of the linearisation error. A share epsilon of the
+readings are outliers, uniform over a length L: a reading is none with the probability beta,
+
+    p = (1 - epsilon) N(nu; 0, s),   beta = p / (p + epsilon / L),   likelihood = p + epsilon / L,
+    P <- P - (beta - beta (1 - beta) nu^2 / s) P H' H P / s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array, Integers
+from mathnavi.models.unicycle.kernels import motion, wrapped
+
+STATES = 6
+RANGE, BEARING, DIFFERENCE = 0, 1, 2
+"""kinds of readings"""
+_NEAREST = 1e-3  # [m] distance of a beacon within which its direction is not known
+_MOST_UNLIKELY = 700.0  # logarithm of a density at which it is nought
+
+
+@njit(cache=True, nogil=True)
+def predict(x: Array, P: Array, u_1: float, u_2: float, h: float, w_1: float, w_2: float) -> None:
+    """Move states x (N, 6) with covariances P (N, 6, 6) for h [s] by odometry u [m/s, rad/s], in place.
+
+    ``w_1`` [m^2/s] and ``w_2`` [rad^2/s] are the densities of its noise.
+    """
+    A = np.eye(STATES)
+    Q = np.zeros((STATES, STATES))
+    for n in range(len(x)):
+        v_1, v_2 = (1.0 - x[n, 3]) * u_1, (1.0 - x[n, 4]) * u_2
+        dx, dy, gx_1, gy_1, gx_2, gy_2 = motion(x[n, 2], v_1, v_2, h)
+        x[n, 0] += dx
+        x[n, 1] += dy
+        x[n, 2] = wrapped(x[n, 2] + v_2 * h)
+        A[0, 2], A[1, 2] = -dy, dx
+        A[0, 3], A[1, 3] = -gx_1 * u_1, -gy_1 * u_1
+        A[0, 4], A[1, 4], A[2, 4] = -gx_2 * u_2, -gy_2 * u_2, -h * u_2
+        q_1, q_2 = w_1 / h, w_2 / h
+        Q[0, 0] = q_1 * gx_1 * gx_1 + q_2 * gx_2 * gx_2
+        Q[0, 1] = q_1 * gx_1 * gy_1 + q_2 * gx_2 * gy_2
+        Q[1, 1] = q_1 * gy_1 * gy_1 + q_2 * gy_2 * gy_2
+        Q[0, 2], Q[1, 2], Q[2, 2] = q_2 * gx_2 * h, q_2 * gy_2 * h, q_2 * h * h
+        Q[1, 0], Q[2, 0], Q[2, 1] = Q[0, 1], Q[0, 2], Q[1, 2]
+        P[n] = A @ P[n] @ A.T + Q
+
+
+@njit(cache=True, nogil=True)
+def transition(x: Array, u_1: float, u_2: float, h: float, w_1: float, w_2: float) -> tuple[Array, Array, Array]:
+    """State (6,) after h [s] from x (6,), its Jacobian A (6, 6) and the covariance Q (6, 6); as ``predict``."""
+    after, Q = x.copy().reshape(1, STATES), np.zeros((1, STATES, STATES))
+    predict(after, Q, u_1, u_2, h, w_1, w_2)
+    v_1, v_2 = (1.0 - x[3]) * u_1, (1.0 - x[4]) * u_2
+    dx, dy, gx_1, gy_1, gx_2, gy_2 = motion(x[2], v_1, v_2, h)
+    A = np.eye(STATES)
+    A[0, 2], A[1, 2] = -dy, dx
+    A[0, 3], A[1, 3] = -gx_1 * u_1, -gy_1 * u_1
+    A[0, 4], A[1, 4], A[2, 4] = -gx_2 * u_2, -gy_2 * u_2, -h * u_2
+    return after[0], A, Q[0]
+
+
+@njit(cache=True, nogil=True)
+def expected(x: Array, kind: int, i: int, places: Array) -> tuple[float, Array, Array, float]:
+    """Reading of beacon i of ``places`` (n, 2) at a state x (6,), its gradient H (6,), its second derivative D (2, 2)
+    by the position, and the distance [m] on which its noise depends.
+
+    The gradient is nought where the robot is at the beacon.
+    """
+    H, D = np.zeros(STATES), np.zeros((2, 2))
+    dx, dy = places[i, 0] - x[0], places[i, 1] - x[1]
+    rho = math.hypot(dx, dy)
+    if rho < _NEAREST:
+        return rho, H, D, rho
+    e_1, e_2 = dx / rho, dy / rho
+    if kind == BEARING:
+        H[0], H[1], H[2] = e_2 / rho, -e_1 / rho, -1.0
+        per = 1.0 / (rho * rho)
+        D[0, 0], D[0, 1], D[1, 1] = 2.0 * e_1 * e_2 * per, (e_2 * e_2 - e_1 * e_1) * per, -2.0 * e_1 * e_2 * per
+        D[1, 0] = D[0, 1]
+        return wrapped(math.atan2(dy, dx) - x[2]), H, D, rho
+    scale = 1.0 + x[5]
+    H[0], H[1], H[5] = -scale * e_1, -scale * e_2, rho
+    D[0, 0], D[0, 1], D[1, 1] = scale * e_2 * e_2 / rho, -scale * e_1 * e_2 / rho, scale * e_1 * e_1 / rho
+    if kind == DIFFERENCE:
+        fx, fy = places[0, 0] - x[0], places[0, 1] - x[1]
+        first = math.hypot(fx, fy)
+        if first < _NEAREST:
+            return scale * (rho - first), np.zeros(STATES), np.zeros((2, 2)), rho
+        f_1, f_2 = fx / first, fy / first
+        H[0], H[1], H[5] = H[0] + scale * f_1, H[1] + scale * f_2, rho - first
+        D[0, 0] -= scale * f_2 * f_2 / first
+        D[0, 1] += scale * f_1 * f_2 / first
+        D[1, 1] -= scale * f_1 * f_1 / first
+        rho -= first
+    D[1, 0] = D[0, 1]
+    return scale * rho, H, D, abs(rho)
+
+
+@njit(cache=True, nogil=True)
+def condition(
+    x: Array, P: Array, log_weights: Array, y: float, kind: int, i: int, places: Array, errors: Array, found: Array
+) -> None:
+    """Condition states x (N, 6) with covariances P (N, 6, 6) on a reading y of beacon i, in place.
+
+    ``log_weights`` (N,) grow by the logarithms of the likelihoods. ``errors`` (5,) are the absolute and the relative
+    deviation of the reading, epsilon, L, and the nu^2 / s from which on a reading is refused even with epsilon = 0.
+    ``found`` (N, 3) gets nu, s and beta; beta is nought of a reading that is refused.
+    """
+    absolute, relative, epsilon, L, gate = errors[0], errors[1], errors[2], errors[3], errors[4]
+    for n in range(len(x)):
+        h, H, D, rho = expected(x[n], kind, i, places)
+        noise = absolute * absolute + (relative * rho) ** 2
+        PH = P[n] @ H
+        DP = D @ np.ascontiguousarray(P[n, :2, :2])
+        nu = y - h
+        if kind == BEARING:
+            nu = wrapped(nu)
+        nu -= 0.5 * (DP[0, 0] + DP[1, 1])
+        s = H @ PH + noise + 0.5 * (DP[0, 0] * DP[0, 0] + 2.0 * DP[0, 1] * DP[1, 0] + DP[1, 1] * DP[1, 1])
+        square = nu * nu / s
+        log_density = -0.5 * (square + math.log(2.0 * math.pi * s)) + math.log1p(-epsilon)
+        density = math.exp(max(log_density, -_MOST_UNLIKELY))
+        beta = density / (density + epsilon / L)
+        if square > gate:
+            beta = 0.0
+            log_weights[n] += max(log_density, math.log(max(epsilon, 1e-6) / L))
+        else:
+            log_weights[n] += math.log(density + epsilon / L)
+            x[n] += beta * nu / s * PH
+            x[n, 2] = wrapped(x[n, 2])
+            kept = beta - beta * (1.0 - beta) * square
+            for j in range(STATES):
+                for k in range(STATES):
+                    P[n, j, k] -= kept * PH[j] * PH[k] / s
+        found[n, 0], found[n, 1], found[n, 2] = nu, s, beta
+
+
+@njit(cache=True, nogil=True)
+def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Array, Array, Integers]:
+    """States, covariances and weights after each that is within ``near`` of a heavier one was merged with that.
+
+    ``near`` is a squared Mahalanobis distance of the pose by the covariance of the heavier one. The last array holds
+    the places of those that were kept among the given ones.
+    """
+    order, count = np.argsort(-weights), len(weights)
+    taken, kept = np.zeros(count, dtype=np.bool_), 0
+    x_out, P_out, w_out = np.empty_like(x), np.empty_like(P), np.empty(count)
+    places = np.empty(count, dtype=np.int64)
+    d = np.empty(STATES)
+    for a in range(count):
+        i = order[a]
+        if taken[i]:
+            continue
+        taken[i] = True
+        inverse = np.linalg.inv(np.ascontiguousarray(P[i, :3, :3]))
+        total, mean, square = weights[i], np.zeros(STATES), np.zeros((STATES, STATES))
+        square += weights[i] * P[i]
+        for b in range(a + 1, count):
+            j = order[b]
+            if taken[j]:
+                continue
+            for k in range(STATES):
+                d[k] = x[j, k] - x[i, k]
+            d[2] = wrapped(d[2])
+            if d[:3] @ (inverse @ d[:3]) < near:
+                taken[j] = True
+                total += weights[j]
+                for k in range(STATES):
+                    mean[k] += weights[j] * d[k]
+                    for m in range(STATES):
+                        square[k, m] += weights[j] * (P[j, k, m] + d[k] * d[m])
+        mean /= total
+        x_out[kept] = x[i] + mean
+        x_out[kept, 2] = wrapped(x_out[kept, 2])
+        P_out[kept] = square / total - np.outer(mean, mean)
+        w_out[kept], places[kept] = total, i
+        kept += 1
+    return x_out[:kept].copy(), P_out[:kept].copy(), w_out[:kept].copy(), places[:kept].copy()

@@ -1,0 +1,198 @@
+"""The robot that reads beacons as a ``StagewiseModel``, for its filter and its smoother.
+
+The state is that of ``kernels``: the pose, the scale errors of the odometry and that of the ranges. A reading of a
+stage is an array with the entries of all sensors in the order of their kinds, NaN where there is none.
+
+Odometry is the mean input since the reading of odometry before. Where beacons are read in between, the last odometry
+is held until then, and what remains of the motion is made up for once the odometry is there: distance and turn over
+the whole are those that were read. Where odometry is missing for longer, the robot may have moved in any way that it
+can. An input of a piece is (u_1, u_2, w_1, w_2): odometry, and the densities of its noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mathnavi.estimators.beacons.kernels import BEARING, DIFFERENCE, STATES, expected, transition
+from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.estimators.timeout_monitor import is_late
+from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.reading_counts import Unused
+from mathnavi.interfaces.signals import NOTHING, Array, Measurement
+from mathnavi.models.angles import wrapped
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.models.unicycle.beacons import BEARINGS, DIFFERENCES, LEAST_NOISE, RANGES, BeaconMission
+
+ODOMETRY = "odometry"
+_LEAST_DENSITY = 1e-9  # [m^2/s, rad^2/s] of the noise of odometry
+_LARGEST = 6.0  # standard deviations of the scale errors
+_MADE_UP = 2.5  # periods between two readings of odometry, over which the former is made up for
+_SHORTEST = 0.05  # of a period: what is made up for in less would be a leap
+_TOO_FAST = 10.0  # times the robot's limits
+_ANYHOW, _LASTS = 0.5, 1.0  # of its limits: how it may move without odometry, and for how long it moves likewise [s]
+
+
+class BeaconModel:
+    """Model of pose and scale errors (x_1, x_2, phi, b_1, b_2, c) [m, m, rad, -, -, -]."""
+
+    size = STATES
+
+    def __init__(self, mission: BeaconMission) -> None:
+        self.mission = mission
+        self.places = mission.places
+        self._n = len(self.places)
+        self._kinds = [kind for kind, quality in enumerate(mission.qualities) if quality is not None]
+        self.names = tuple((RANGES, BEARINGS, DIFFERENCES)[kind] for kind in self._kinds)
+        """names of the sensors of beacons"""
+        self.rows = self._n * len(self._kinds)
+        self.entries = [(kind, i) for kind in self._kinds for i in range(self._n)]
+        """kind and beacon of each entry of a reading"""
+        lengths = {kind: (2.0 * math.pi if kind == BEARING else mission.longest) for kind in self._kinds}
+        self.errors = {}
+        """absolute and relative deviation, share of outliers and their length of each kind"""
+        for kind in self._kinds:
+            quality = mission.qualities[kind]
+            assert quality is not None
+            absolute = math.hypot(quality.absolute, LEAST_NOISE)
+            length = lengths[kind] * (2.0 if kind == DIFFERENCE else 1.0)
+            self.errors[kind] = np.array([absolute, quality.relative, quality.outliers, length])
+        odometry = mission.odometry
+        per_reading = np.square(odometry.noise) + np.square(odometry.slip)
+        self.W: Array = per_reading * mission.period + _LEAST_DENSITY  # (2,) [m^2/s, rad^2/s]
+        fastest = np.array([mission.speed_max, mission.turn_rate_max])
+        self._unknown: Array = np.square(_ANYHOW * fastest) * _LASTS
+        self._limits = _TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
+        self.scales: Array = np.array([odometry.bias, odometry.bias, mission.range_scale])
+        """standard deviations (3,) of the scale errors"""
+        self._begun: tuple[Array, Array] | None = None  # start that was found
+        self._last: Array | None = None  # (2,) odometry
+        self._since, self._moved = -math.inf, np.zeros(2)  # [s] of it, and the motion (2,) since
+
+    # ---- stages
+
+    def start(self, reading: Array | None) -> tuple[Array, Array] | None:
+        if self._begun is not None:
+            x, P = self._begun
+            return x.copy(), P.copy()
+        known = self.mission.start
+        if known is None:
+            return None
+        return np.array([*known.pose, 0.0, 0.0, 0.0]), self.covariance(np.array(known.deviation))
+
+    def begin(self, x: Array, P: Array) -> None:
+        """Take a state (6,) and its covariance (6, 6) for the start that is not known."""
+        self._begun = x.copy(), P.copy()
+
+    def covariance(self, deviation: Array) -> Array:
+        """Covariance (6, 6) of a pose known to standard deviations (3,), and of scale errors as declared."""
+        P: Array = np.diag(np.square([*deviation, *self.scales]))
+        return P
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        h = end - begin
+        if self.mission.odometry_is_input:
+            return ((h, np.concatenate([command, self.W])),)
+        newest, period = self._odometry_at(end, measurements), self.mission.period
+        if newest is None:
+            held = command if self._last is None else self._last
+            self._moved += held * h
+            missing = self._last is not None and end - self._since > _MADE_UP * period
+            return ((h, np.concatenate([held, self.W + self._unknown if missing else self.W])),)
+        u, span = newest, end - self._since
+        first, lately = self._last is None, span <= _MADE_UP * period
+        if not first and lately and span > h + TIME_TOLERANCE and h > _SHORTEST * period:
+            u = (newest * span - self._moved) / h
+        self._last, self._since, self._moved = newest, end, np.zeros(2)
+        return ((h, np.concatenate([u, self.W if first or lately else self.W + self._unknown])),)
+
+    def restart(self) -> bool:
+        return False
+
+    def odometry(self, measurement: Measurement) -> Array | None:
+        """Odometry (2,) [m/s, rad/s] of a measurement that is possible; None for another one."""
+        if measurement.name != ODOMETRY or self.mission.odometry_is_input:
+            return None
+        u = np.asarray(measurement.value, np.float64)
+        if u.shape != (2,):
+            raise ArgumentError(f"a reading of odometry has shape {u.shape}; allowed: (2,)")
+        return u if bool((np.abs(u) <= self._limits).all()) else None
+
+    def _odometry_at(self, t: float, measurements: Sequence[Measurement]) -> Array | None:
+        found = None
+        for each in measurements:
+            u = self.odometry(each)
+            if u is not None and abs(each.t - t) <= TIME_TOLERANCE and not is_late(each.t, self._since):
+                found = u
+        return found
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        if measurement.name not in self.names:
+            return None
+        values = np.asarray(measurement.value, np.float64)
+        if values.shape != (self._n,):
+            raise ArgumentError(f"a reading of {measurement.name} has shape {values.shape}; allowed: ({self._n},)")
+        possible = np.isfinite(values)
+        if measurement.name == RANGES:
+            possible &= values > 0.0
+        if not possible.any():
+            return None
+        first = self.names.index(measurement.name) * self._n
+        y = np.full(self.rows, np.nan)
+        y[first : first + self._n] = np.where(possible, values, np.nan)
+        return y
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        """Reason why nothing of a measurement is used; None for one of which something is, or that is empty."""
+        if measurement.name == ODOMETRY and not self.mission.odometry_is_input:
+            if self.odometry(measurement) is not None:
+                return None
+            return Unused.OUT_OF_RANGE if np.isfinite(measurement.value).all() else Unused.NOT_FINITE
+        if measurement.name not in self.names:
+            return Unused.UNKNOWN_SENSOR
+        if self.reading(measurement) is not None:
+            return None
+        values = np.asarray(measurement.value)
+        return Unused.OUT_OF_RANGE if np.isfinite(values).any() else Unused.NOT_FINITE
+
+    # ---- equations
+
+    def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
+        after: tuple[Array, Array, Array] = transition(x, u[0], u[1], h, u[2], u[3])
+        return after
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        r, W = np.full(self.rows, np.nan), np.full((self.rows, STATES), np.nan)
+        for row in np.flatnonzero(np.isfinite(y)):
+            kind, i = self.entries[row]
+            h, H, _, rho = expected(x, kind, i, self.places)
+            if not H.any():
+                continue
+            absolute, relative, *_ = self.errors[kind]
+            sigma = math.hypot(absolute, relative * rho)
+            nu = float(y[row]) - h
+            r[row], W[row] = (wrapped(nu) if kind == BEARING else nu) / sigma, H / sigma
+        return r, W
+
+    def sum(self, x: Array, e: Array) -> Array:
+        after: Array = x + e
+        after[2] = wrapped(float(after[2]))
+        return after
+
+    def difference(self, other: Array, x: Array) -> Array:
+        error: Array = other - x
+        error[2] = wrapped(float(error[2]))
+        return error
+
+    def limits(self, x: Array) -> tuple[Array, Array]:
+        """Limits of the error: the scale errors are within six standard deviations."""
+        high = np.concatenate([np.full(3, np.inf), np.maximum(_LARGEST * self.scales, 1e-9)])
+        return -high - x, high - x
+
+    def extra(self, x: Array) -> Mapping[str, Array]:
+        return NOTHING
+
+    def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
+        return x[:3].copy(), P[:3, :3].copy()

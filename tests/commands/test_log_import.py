@@ -1,0 +1,134 @@
+"""``mathnavi log import``: a run folder from a log, which the commands for runs take, with all its disorder named."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import mathnavi as mn
+from mathnavi.commands.cli import main
+from mathnavi.sim.records.run_folder import read_log, read_signal_names
+from tests.estimators.beacons.drives import PERIOD, PLACES, drive
+
+MISSION = f"""
+import mathnavi as mn
+
+mission = mn.BeaconMission(
+    {PLACES!r}, ranges=mn.BeaconQuality(0.3, outliers=0.05), range_scale=0.1,
+    odometry=mn.OdometryQuality((0.05, 0.02), 0.02), interval=0.5, period={PERIOD},
+)
+"""
+IMPORT = (
+    *("--time-column", "0", "--rates", "DR", "--spread", "TD:TD 2=TD:TD 1"),
+    *("--readings", "beacon_ranges=TD 2", "odometry=DR", "--reference", "GT", "--signal-units", "GT 3=rad"),
+    *("--reference-names", "x [m],y [m],heading [rad]"),
+)
+
+
+@pytest.fixture
+def mower(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a log in MATLAB arrays: distance and turn, ranges by node, truth; three of its stamps are wrong."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mower.py").write_text(MISSION)
+    driven = drive(count=400)
+    t, odometry = 1000.0 + driven.log.t, driven.log.readings["odometry"]
+    rows = np.flatnonzero(np.isfinite(odometry[:, 0]))
+    steps = np.diff(t[rows], prepend=t[rows[0]] - PERIOD)
+    ranges = [
+        [t[k], float(i), rho[i]]
+        for k, rho in enumerate(driven.log.readings["beacon_ranges"])
+        for i in np.flatnonzero(np.isfinite(rho)).tolist()
+    ]
+    ranges[40], ranges[41] = ranges[41], ranges[40]  # late
+    ranges.insert(60, ranges[60])  # doubled
+    arrays = {
+        "DR": np.column_stack([t[rows], odometry[rows] * steps[:, None]]),
+        "TD": np.array(ranges),
+        "GT": np.column_stack([t, driven.truth]),
+    }
+    savemat(tmp_path / "mower.mat", arrays)
+    return tmp_path
+
+
+def test_a_log_becomes_a_run_that_is_estimated_smoothed_reported_and_compared(
+    mower: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "import", "mower.mat", "--out", "run", *IMPORT, "--disorder", "sort"]) == 0
+    printed = capsys.readouterr().out
+    assert "1 stamp before an earlier one, sorted" in printed
+    assert "1 reading left out, whose stamp an earlier one has" in printed
+    log = read_log(mower / "run")
+    config = json.loads((mower / "run" / "config.json").read_text())
+    assert (config["scenario"], config["fields"]["file"], config["fields"]["start"]) == (
+        "recorded-log", "mower.mat", "1000.07",
+    )  # fmt: skip
+    assert len(config["inputs"]["file"]) == 64
+    assert (log.summary["stamps_late"], log.summary["stamps_doubled"]) == (1, 1)
+    (signals,) = read_signal_names(mower / "run").values()
+    assert signals.states == ("x [m]", "y [m]", "heading [rad]")
+    assert signals.readings["beacon_ranges"] == ("TD 1=0", "TD 1=1", "TD 1=2", "TD 1=3")
+
+    assert main(["estimate", "beacon_bank", "run", "--mission", "mower.py:mission", "--out", "found"]) == 0
+    assert main(["estimate", "smoother", "found", "--mission", "mower.py:mission", "--out", "smoothed"]) == 0
+    printed = capsys.readouterr().out
+    found, smoothed = (read_log(mower / name).summary for name in ("found", "smoothed"))
+    assert "position rms" in printed
+    assert smoothed["position_rms_m"] < found["position_rms_m"] < 0.6
+    assert found["wrong_share"] < 0.05
+    assert found["initialising_s"] > smoothed["initialising_s"]
+    again = mn.read_log(mower / "mower.mat", time_column=0).rates("DR").spread("TD:TD 2", by="TD:TD 1")
+    own = again.sensor_log(readings={"beacon_ranges": "TD 2", "odometry": "DR"}, disorder="sort")
+    namespace: dict[str, mn.BeaconMission] = {}
+    exec(MISSION, namespace)
+    alone = mn.estimate("beacon_bank", namespace["mission"], own)
+    assert alone.x[-1] == pytest.approx(read_log(mower / "found").arrays["estimate.x"][-1], abs=1e-6)
+
+    assert main(["report", "found"]) == 0
+    assert main(["view", "run", "found", "--save", "page.html"]) == 0
+    assert main(["compare", "found", "smoothed", "--out", "compared.html"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((*IMPORT,), "--disorder sort sorts them"),
+        ((*IMPORT[:9], "--reference", "GP", "--disorder", "sort"), "no signal 'GP'"),
+        ((*IMPORT[:13], "--reference-names", "x,y", "--disorder", "sort"), "2 names of 3 references"),
+        ((*IMPORT, "--disorder", "sort", "--delays", "DR=soon"), "--delays = DR=soon"),
+    ],
+)
+def test_what_cannot_be_imported_is_one_line_and_leaves_nothing(
+    mower: Path, words: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "import", "mower.mat", "--out", "run", *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error.replace("\n", " ")
+    assert not (mower / "run").exists()
+
+
+def test_a_log_without_a_reference_is_imported_too(mower: Path) -> None:
+    words = [word for word in IMPORT if word not in ("--reference", "GT")]
+    place = words.index("--reference-names")
+    del words[place : place + 2]
+    assert main(["log", "import", "mower.mat", "--out", "run", *words, "--disorder", "sort"]) == 0
+    assert read_log(mower / "run").x.shape[1] == 0
+    assert main(["estimate", "beacon_bank", "run", "--mission", "mower.py:mission", "--out", "found"]) == 0
+    assert "position_rms_m" not in read_log(mower / "found").summary
+    assert main(["report", "found"]) == 0
+    assert main(["report", "run"]) == 0
+    assert main(["view", "found", "--save", "page.html"]) == 0
+
+
+def test_a_smoother_needs_an_estimator_and_a_folder_no_readings(
+    mower: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "import", "mower.mat", "--out", "run", *IMPORT, "--disorder", "sort"]) == 0
+    assert main(["estimate", "smoother", "run", "--mission", "mower.py:mission"]) == 2
+    assert "the folder that `mathnavi estimate` has written" in capsys.readouterr().err.replace("\n", " ")
+    words = ("--mission", "mower.py:mission", "--readings", "beacon_ranges=TD 2")
+    assert main(["estimate", "beacon_bank", "run", *words]) == 2
+    assert "--readings with run" in capsys.readouterr().err

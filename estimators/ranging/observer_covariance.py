@@ -68,9 +68,9 @@ class ObserverCovariance:
         omega = math.sqrt(slope / value)
         zeta = omega * period / (4.0 * value)
         flow: Array = expm(period * np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]))
-        self._flow, self._steady = np.kron(np.eye(l), flow), np.array([value, slope])
+        self._flow, self._steady = flow, np.array([value, slope])
         steady = np.diag(self._steady)
-        self._new = np.kron(np.eye(l), steady - flow @ steady @ flow.T)  # for readings of variance one
+        self._new = steady - flow @ steady @ flow.T  # for readings of variance one
         c = self._c = l + 1 + POSE
         self._P = np.zeros((c + 2 * l + 1, c + 2 * l + 1))  # of e_z, e_x, (n, n') of each ray over its deviation, and b
         self._mean = np.zeros(c)
@@ -102,20 +102,12 @@ class ObserverCovariance:
             self._linearise(by, z, pose)
             self._age, self._seen = 0, seen
         self._age += 1
-        l, c, D = self._l, self._c, self._D  # noqa: E741
         fewer = np.where(np.isfinite(readings[1]), np.maximum(filled, 0.1) ** -1.5, 1.0 / math.sqrt(self._steady[0]))
         sigma = fewer * np.sqrt(self._variance(np.where(seen, rho, 0.0)))
         self._scale = np.append(np.repeat(sigma, 2), 1.0)
-        A = np.eye(len(self._P))
-        A[c:-1, c:-1] = self._flow
-        P = A @ self._P @ A.T
-        P[c:-1, c:-1] += self._new
-        A = np.eye(len(P))
-        A[:c, :c], A[:c, c:-1:2], A[:c, c + 1 : -1 : 2] = D[:, :c], D[:, c : c + l] * sigma, D[:, c + l : -2] * sigma
-        A[:c, -1] = D[:, -2:] @ u
-        self._P = A @ P @ A.T
-        self._P[:c, :c] += (D[:, -2:] * self._model.W) @ D[:, -2:].T
-        self._mean = D[:, :c] @ self._mean + self._d
+        self._P, self._mean = recursed(
+            self._P, self._mean, self._D, self._d, self._flow, self._new, sigma, u, self._model.W
+        )
         self._limit()
 
     def disagreement(self, wall: WallShape, pose: Array, readings: Array, u: Array) -> float:
@@ -221,16 +213,63 @@ def ranges_and_rates(wall: WallShape, alpha: Array, pose: Array, u: Array) -> Ar
 @njit(cache=True, nogil=True)
 def pushed(P: Array, pose: Array, inputs: Array, W: Array, dt: float) -> Array:
     """Covariance (4, 4) of the pose and of b after the ``inputs`` (k, 2), of variances W (2,), each held for dt [s]."""
-    P, at = P.copy(), pose.copy()
-    A, N = np.eye(4), np.zeros((4, 4))
+    poses = np.empty((len(inputs) + 1, 3))
+    poses[0] = pose
     for k in range(len(inputs)):
-        u = inputs[k]
-        F, G = integrate_jacobians(at, u[0], u[1], dt)
-        A[:3, :3] = F
-        for i in range(3):
-            A[i, 3] = G[i, 0] * u[0] + G[i, 1] * u[1]
-            for j in range(3):
-                N[i, j] = G[i, 0] * W[0] * G[j, 0] + G[i, 1] * W[1] * G[j, 1]
-        P = A @ P @ A.T + N
-        at = integrate(at, u[0], u[1], dt)
-    return P
+        poses[k + 1] = integrate(poses[k], inputs[k, 0], inputs[k, 1], dt)
+    end = poses[-1]
+    A, N = np.eye(4), np.zeros((4, 4))
+    A[0, 2], A[1, 2] = pose[1] - end[1], end[0] - pose[0]
+    g = np.empty((3, 2))
+    for k in range(len(inputs)):
+        _, G = integrate_jacobians(poses[k], inputs[k, 0], inputs[k, 1], dt)
+        at = poses[k + 1]
+        for j in range(2):  # what an error of the input does to the last pose
+            g[0, j] = G[0, j] + (at[1] - end[1]) * G[2, j]
+            g[1, j] = G[1, j] + (end[0] - at[0]) * G[2, j]
+            g[2, j] = G[2, j]
+            for i in range(3):
+                A[i, 3] += g[i, j] * inputs[k, j]
+                for m in range(3):
+                    N[i, m] += g[i, j] * W[j] * g[m, j]
+    return A @ P @ A.T + N
+
+
+@njit(cache=True, nogil=True)
+def recursed(
+    P: Array, mean: Array, D: Array, d: Array, flow: Array, new: Array, sigma: Array, u: Array, W: Array
+) -> tuple[Array, Array]:
+    """Covariance P and ``mean`` (c,) one step later, by the derivatives D (c, c + 2 l + 2) of a step.
+
+    ``flow`` (2, 2) and ``new`` (2, 2) are those of the errors of each ray, of deviation ``sigma`` (l,).
+    """
+    c, l, n = len(mean), len(sigma), len(P)  # noqa: E741
+    A = np.eye(n)
+    for i in range(l):
+        at = c + 2 * i
+        A[at : at + 2, at : at + 2] = flow
+        for j in range(c):
+            of_value, of_rate = D[j, c + i] * sigma[i], D[j, c + l + i] * sigma[i]
+            A[j, at] = of_value * flow[0, 0] + of_rate * flow[1, 0]
+            A[j, at + 1] = of_value * flow[0, 1] + of_rate * flow[1, 1]
+    B = np.zeros((n, 2 * l))
+    N = np.zeros((2 * l, 2 * l))
+    for i in range(l):
+        at = c + 2 * i
+        B[at, 2 * i] = B[at + 1, 2 * i + 1] = 1.0
+        N[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = new
+        for j in range(c):
+            B[j, 2 * i], B[j, 2 * i + 1] = D[j, c + i] * sigma[i], D[j, c + l + i] * sigma[i]
+    after = np.zeros(c)
+    for i in range(c):
+        after[i] = d[i]
+        for j in range(c):
+            A[i, j] = D[i, j]
+            after[i] += D[i, j] * mean[j]
+        A[i, n - 1] = D[i, c + 2 * l] * u[0] + D[i, c + 2 * l + 1] * u[1]
+    P = A @ P @ A.T + B @ N @ B.T
+    for i in range(c):
+        for j in range(c):
+            for k in range(2):
+                P[i, j] += D[i, c + 2 * l + k] * W[k] * D[j, c + 2 * l + k]
+    return P, after

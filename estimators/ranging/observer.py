@@ -8,6 +8,10 @@ dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not 
 imply. Range rates come from a window of readings, at the centre of which the observer runs; from there the estimate is
 pushed forward with the inputs that odometry measured. A lost ray is replaced by that motion too.
 
+The covariance of the estimate is that of the errors of these gains (``observer_covariance``). Where fitted ranges and
+rates are beyond three of their deviations about those expected at the pose for more than 0.25 s, the estimate is
+DEGRADED until 2 s without, and LOST after 2 s of it.
+
 **Ranges and range rates from noisy ranges**: a Savitzky-Golay filter at the centre of a window.
 
 The output flow Q needs rho_dot. From noisy ranges, which differ by 0.1 m from one to the next, no causal filter
@@ -32,11 +36,12 @@ from annotated_types import Interval
 from scipy.interpolate import CubicSpline
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from mathnavi.estimators.ranging.model import FROM_WHERE
+from mathnavi.estimators.ranging.model import FROM_WHERE, RangeModel
+from mathnavi.estimators.ranging.observer_covariance import ObserverCovariance, Step, slopes_of
 from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.reader import RangeReader
-from mathnavi.estimators.timeout_monitor import waiting
+from mathnavi.estimators.timeout_monitor import waiting, worst
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
@@ -52,6 +57,8 @@ LONGEST_WINDOW = 1001
 HIGHEST_ORDER = 7
 _STRIDE = 5  # readings at most between two at which rays are cast
 _LEAST_NODES = 4  # of them on either side
+_DOUBTED = 0.25  # [s] of a disagreement after which an estimate is no longer OK
+_SETTLED = 2.0  # [s] without a disagreement until an estimate is OK again, or with one until it is lost
 _DEVIATIONS, _APART = 3.0, 0.02  # of a range, and share of the longest: positions by two rays that agree
 
 
@@ -206,6 +213,12 @@ class RangeObserver:
         self._z = seen_from(self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
         if config.z_0:
             self._z[:] = config.z_0
+        model = RangeModel(mission)
+        self._errors = ObserverCovariance(model, self._fit[0], mission.period)
+        self._quiet, self._wrong = math.inf, 0.0  # [s] for which the ranges have agreed with the pose, and have not
+        self._errors.start(
+            slopes_of(self._wall, self._alpha, self._pose, self._z), RangeModel(mission).start()[1][:3, :3]
+        )
         self._readings = np.full((3, l), np.nan)  # at the centre: rho, rho_dot, and which readings were left out
         self._ones = np.ones(l)
         self._value = np.zeros(2)  # V_rho and |Q|^2 / 2
@@ -257,11 +270,20 @@ class RangeObserver:
             self._observe()
             reader.counts.add(Unused.OUTLIER, int(self._readings[2].dot(self._ones)))
         reader.note(t, reader.converged or bool(self._value[0] <= self._agreeing))
-        status = reader.status(t) if window.has_centre else Status.INITIALISING
+        P = self._errors.now(self._pose, window.inputs_since)
+        status = worst(reader.status(t), self._lock) if window.has_centre else Status.INITIALISING
         z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
         extra = {"z": z, "value": self._value.copy(), **reader.counts.extra}
         wanted = "ranges" if window.has_centre else f"{window.half + 1} readings: it has {window.count}"
-        return Estimate(t, x, None, status, extra, waiting(status, wanted))
+        message = "" if self._lock is Status.OK else "disagrees with its ranges and their rates"
+        return Estimate(t, x, P, status, extra, waiting(status, wanted) or message)
+
+    @property
+    def _lock(self) -> Status:
+        """What the agreement of ranges and rates with the pose says of it."""
+        if self._wrong > _SETTLED:
+            return Status.LOST
+        return Status.OK if self._quiet > _SETTLED else Status.DEGRADED
 
     def _observe(self) -> None:
         """Advance the observer by one period, at the window's centre."""
@@ -279,8 +301,34 @@ class RangeObserver:
             readings = innovated(window.ranges, window.inputs, window.centre_input, self._fit, wall, alpha, foreseen)
         else:
             readings = measured(window.ranges, self._fit[0], self.period)
+        if not begins:
+            filled = np.isfinite(window.ranges).mean(axis=0)
+            self._errors.step(self._stepped(readings, u), self._z, self._pose, readings[:2], filled, u)
         z = forward(self._advance, readings)
         self._z, self._pose, self._value = observed(
             wall, alpha, z, predicted, readings, window.centre_input, self._gains, self.period
         )
         self._readings = readings
+        disagreement = self._errors.disagreement(wall, self._pose, readings, window.centre_input)
+        if disagreement <= _DEVIATIONS:
+            self._quiet, self._wrong = self._quiet + self.period, 0.0
+            return
+        self._wrong += self.period
+        if self._wrong > _DOUBTED:
+            self._quiet = 0.0
+
+    def _stepped(self, readings: Array, u: Array) -> Step:
+        """One step to these ``readings`` (3, l) under u (2,), with errors that the caller chooses."""
+        wall, alpha, period, here = self._wall, self._alpha, self.period, self._readings
+        centre, gains = self._window.centre_input, self._gains
+
+        def step(z: Array, pose: Array, n: Array, rates: Array, du: Array, exact: bool) -> tuple[Array, Array]:
+            errors = np.stack([n, rates, np.zeros(len(n))])
+            before, after, held = here + errors, readings + errors, u + du
+            predicted = integrate(anchored(wall, alpha, z, before[0], pose), held[0], held[1], period)
+            advance = forward_manifold if exact else self._advance
+            moved = advance(wall, alpha, z, before, after, held, period)
+            z, x, _ = observed(wall, alpha, moved.copy(), predicted, after, centre + du, gains, period)
+            return z, x
+
+        return step

@@ -9,7 +9,8 @@ is tested over windows of 0.02 to 1 s, by its mean and its spread (``mathnavi.es
 explains half a step of the reading, and half of the prediction that has followed it; an error of the velocity below a
 thousandth of s, the greatest speed of the last second, counts as none. At rest s is 0.1 rad/s and m/s, or a hundredth
 of ``speed_max`` if that is less: an error is not compared with a motion that has ended. An alarm is DEGRADED for a
-second. Tests begin when a law has had the time to settle, after 2 s at the latest; until then its word is not tested.
+second. Tests begin when a law has had the time to settle, after 2 s at the latest; until then its word is not tested,
+and that of a law that takes more than 1 s is DEGRADED: an error of its model is not told from that of its start.
 
 **The error that the readings show.** A position is moved by v^ h between readings and by alpha L at them, and follows
 the true one: so
@@ -44,6 +45,7 @@ _KAPPA = 1.2  # variance of innovations over the declared one: gains are not opt
 _HELD = 1.0  # [s] for which an alarm lasts
 _EARLIEST, _READINGS = 0.25, 50  # [s] and readings after a start from which on there are tests, at least
 _LATEST = 2.0  # [s] likewise, at most: the variance of a prediction has the errors of a start
+_TRUSTED = 1.0  # [s] for which the word of a law is taken without a test
 _SLOWER_FAST, _SLOWER_SLOW = 1.0, 16.0  # times the memory 1 / alpha of a law, of the two low-passes
 _BY_NOISE_FAST, _BY_NOISE_SLOW = 3.0, 2.0  # deviations of each that noise explains
 _SPEED_MEMORY, _SHARE = 1.0, 0.5  # [s] of the greatest speed, and the share of it beyond which nothing is known
@@ -115,6 +117,9 @@ class InnovationTests:
 
     def status(self, t: float) -> Status:
         """Status at t [s] as far as the readings agree with the estimate."""
+        if t < self._begin - TIME_TOLERANCE and self._grace > _TRUSTED:
+            self.message = "settles after its start"
+            return Status.DEGRADED
         if t - self._lost < _HELD - TIME_TOLERANCE:
             return Status.LOST
         if t - self._alarmed < _HELD - TIME_TOLERANCE:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
-from mathnavi.interfaces.signals import Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.field.curve import BEAN
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
+from tests.estimators.ranging.runs import with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven, still
 
@@ -164,6 +167,59 @@ def test_it_initialises_until_a_reading_is_at_the_centre_of_its_window() -> None
     steps = list(driven(at, START, 1.0, rng=np.random.default_rng(0)))
     statuses = [estimate.status for estimate in followed(observer(at, window=41), steps)]
     assert statuses == [Status.INITIALISING] * 20 + [Status.OK] * 81
+
+
+def errors_and_covariances(at: RangingMission, steps: list[Step], made: RangeObserver) -> tuple[Array, Array, Array]:
+    """Errors (n, 3), covariances (n, 3, 3), and whether the estimates are OK (n,)."""
+    found = followed(made, steps)
+    differences = [at.difference(e.x, step.truth) for e, step in zip(found, steps, strict=True)]
+    covariances = [np.full((3, 3), np.nan) if e.covariance is None else e.covariance for e in found]
+    return np.array(differences), np.array(covariances), np.array([e.status is Status.OK for e in found])
+
+
+@pytest.mark.parametrize(("sensors", "feedforward"), [("2s", "s"), ("4", "rho_dot"), ("4", "none")])
+def test_the_accuracy_that_it_declares_is_kept(sensors: str, feedforward: FeedForward) -> None:
+    """It has no covariance of its own, and declares that of its gains; as printed it declares its lag too."""
+    squares = []
+    for seed in range(2):
+        rng = np.random.default_rng(40 + seed)
+        at = mission(sensors, **NOISY)
+        off = START + 0.05 * rng.standard_normal(3)
+        at = replace(at, start=KnownStart((off[0], off[1], off[2]), (0.05, 0.05, 0.05)))
+        steps = list(driven(at, START, 6.0, rng=rng))
+        d, P, ok = errors_and_covariances(at, steps, observer(at, feedforward=feedforward))
+        assert not sure_and_wrong(np.array([step.t for step in steps]), ok, d, P).any()
+        squares.append([error @ np.linalg.solve(C, error) for error, C in zip(d[200::10], P[200::10], strict=True)])
+    if feedforward != "none":
+        assert ok.mean() > 0.85
+        assert 0.5 < np.median(squares) < 6.0  # of three degrees of freedom
+
+
+def test_what_it_declares_is_no_wider_than_its_errors() -> None:
+    shares = []
+    for seed in range(3):
+        at = mission("4", start=(1.0, -0.4, 1.5), **NOISY)
+        steps = list(driven(at, START, 4.0, rng=np.random.default_rng(60 + seed)))
+        d, P, _ = errors_and_covariances(at, steps, observer(at))
+        shares.append(np.abs(d[200:]) / np.sqrt(np.einsum("kii->ki", P[200:])))
+    median = np.median(np.concatenate(shares), axis=0)  # 0.67 of a Gaussian
+    assert (median > 0.35).all()
+    assert (median < 1.2).all()
+
+
+def test_with_a_ray_that_is_blocked_it_is_no_longer_ok() -> None:
+    at = mission("4", start=(1.0, -0.4, 1.5), **NOISY)
+    steps = list(driven(at, START, 6.0, rng=np.random.default_rng(8)))
+    blocked = [step if k < 250 else with_ranges(step, first_at(0.3)) for k, step in enumerate(steps)]
+    d, P, ok = errors_and_covariances(at, blocked, observer(at))
+    assert ok[200:250].all()
+    assert not sure_and_wrong(np.array([step.t for step in steps]), ok, d, P).any()
+    assert not ok[400:].any()
+
+
+def first_at(value: float) -> Callable[[Array], Array]:
+    """A change of ranges (l,): the first reads ``value``."""
+    return lambda rho: np.array([value, *rho[1:]])
 
 
 def test_a_wall_that_is_not_convex_will_do() -> None:

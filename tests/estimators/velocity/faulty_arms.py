@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -46,15 +47,24 @@ def moved(arm: str, seconds: float = 1.5, **fault: float) -> tuple[mujoco.MjMode
     return model, q, v, u
 
 
-def observed(arm: str, method: str, seconds: float = 1.5, noise: float = 0.0, **fault: float) -> Watched:
-    """What an observer of the believed model makes of encoders of 14 bits, or of readings with noise."""
+def observed(
+    arm: str,
+    method: str,
+    seconds: float = 1.5,
+    noise: float = 0.0,
+    fields: Mapping[str, float] | None = None,
+    **fault: float,
+) -> Watched:
+    """What an observer with these fields, of the believed model, makes of encoders of 14 bits, or of readings with
+    noise.
+    """
     model, q, v, u = moved(arm, seconds, **fault)
     system, rng = MechanismSystem(model), np.random.default_rng(5)
     quality = PositionQuality(noise=noise) if noise else PositionQuality(resolution=BITS)
     y = q + noise * rng.standard_normal(q.shape) if noise else [system.manifold.rounded(each, BITS) for each in q]
     mission = LagrangianMission(system, quality, float(model.opt.timestep))
     plugin: Any = load("estimators", method)
-    estimator = plugin.build(plugin.Config(), mission)
+    estimator = plugin.build(plugin.Config(**(fields or {})), mission)
     times = mission.period * np.arange(len(q))
     found = [estimator.update(t, [Measurement("position", t, a)], b) for t, a, b in zip(times, y, u, strict=True)]
     return Watched(found, v, mission.period)

@@ -32,6 +32,23 @@ def test_no_observer_is_sure_of_a_wrong_velocity(arm: str, fault: dict[str, floa
     assert not (far & watched.ok[late]).any()
 
 
+@pytest.mark.parametrize("bandwidth", [1.0, 2.0, 5.0])
+def test_an_observer_that_is_slow_is_not_sure_of_a_wrong_velocity_from_its_start_on(bandwidth: float) -> None:
+    watched = observed("two-link", "momentum_observer", fields={"bandwidth": bandwidth}, friction=1.0)
+    assert not watched.sure_and_wrong
+    sound = observed("two-link", "momentum_observer", 2.5, fields={"bandwidth": bandwidth})
+    assert not sound.sure_and_wrong
+    assert sound.ok[-1]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3], ids=["encoder", "noise"])
+@pytest.mark.parametrize("method", [*METHODS, "filtered_differences"])
+def test_as_declared_no_observer_is_sure_and_wrong_from_its_start_on(method: str, noise: float) -> None:
+    watched = observed("two-link", method, noise=noise)
+    assert watched.ok[: round(1.0 / watched.period)].any()
+    assert not watched.sure_and_wrong
+
+
 def test_a_filter_that_hardly_follows_its_readings_is_tested_too() -> None:
     """What counts as no error of the velocity moves its position for long, and yet not by 50 mrad."""
     system, _ = moving("flat", 0.0)

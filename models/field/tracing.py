@@ -12,6 +12,7 @@ the ray passes an end of a wall nearer than the deviation; the cells differ from
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -130,49 +131,60 @@ def _area(ring: _Indices) -> float:
 # ---- the simplification
 
 
-def _simplified(chains: list[Array], tolerance: float) -> tuple[list[Array], float]:
+class _Chain:
+    """A closed chain of corners (n, 2), of which some are kept; the others are replaced by sides between these."""
+
+    def __init__(self, corners: Array) -> None:
+        self.corners = corners
+        self._known: dict[tuple[int, int], tuple[float, int]] = {}
+        farthest = int(np.argmax(np.linalg.norm(corners - corners[0], axis=1)))
+        self.kept = [0, farthest]
+        distances = [self.farthest(side) for side in range(2)]
+        self.keep([max(distances)[1]])  # a ring has three corners
+
+    @property
+    def ring(self) -> Array:
+        """Corners (n, 2) that are kept."""
+        ring: Array = self.corners[self.kept]
+        return ring
+
+    def keep(self, more: Iterable[int]) -> bool:
+        """Keep ``more`` corners; True if there was one that had not been kept."""
+        before = len(self.kept)
+        self.kept = sorted({*self.kept, *more})
+        return len(self.kept) > before
+
+    def farthest(self, side: int) -> tuple[float, int]:
+        """Distance of the corner that is farthest from the side that replaces it, and its index; 0 and a corner that
+        is kept where the side replaces none.
+        """
+        first, last = self.kept[side], self.kept[(side + 1) % len(self.kept)]
+        if (first, last) not in self._known:
+            between = np.arange(first + 1, last if last > first else last + len(self.corners)) % len(self.corners)
+            self._known[first, last] = (0.0, first) if not len(between) else self._far(first, last, between)
+        return self._known[first, last]
+
+    def _far(self, first: int, last: int, between: _Indices) -> tuple[float, int]:
+        a, d, p = self.corners[first], self.corners[last] - self.corners[first], self.corners[between]
+        along = np.clip((p - a) @ d / (d @ d), 0.0, 1.0)
+        distance = np.linalg.norm(a + along[:, None] * d - p, axis=1)
+        k = int(np.argmax(distance))
+        return float(distance[k]), int(between[k])
+
+
+def _simplified(borders: list[Array], tolerance: float) -> tuple[list[Array], float]:
     """Rings (n, 2) with fewer corners, and the largest distance of one that is left out; both in cells."""
-    kept = [_few_corners(chain, tolerance) for chain in chains]
+    chains = [_Chain(border) for border in borders]
     while True:
-        rings = [chain[corners] for chain, corners in zip(chains, kept, strict=True)]
-        crossed, changed = crossed_sides(rings), False
-        for number, (chain, corners, sides) in enumerate(zip(chains, kept, crossed, strict=True)):
-            more = [_farthest(chain, corners, int(side))[1] for side in sides]
-            kept[number] = np.union1d(corners, np.array([k for k in more if k >= 0], dtype=np.intp))
-            changed |= len(kept[number]) > len(corners)
+        changed = False
+        for chain in chains:
+            far = [chain.farthest(side) for side in range(len(chain.kept))]
+            changed |= chain.keep(k for distance, k in far if distance > tolerance)
+        if changed:
+            continue
+        for chain, sides in zip(chains, crossed_sides([chain.ring for chain in chains]), strict=True):
+            changed |= chain.keep([chain.farthest(int(side))[1] for side in sides])
         if not changed:
             break
-    left_out = [
-        _farthest(chain, corners, side)[0]
-        for chain, corners in zip(chains, kept, strict=True)
-        for side in range(len(corners))
-    ]
-    return rings, max(left_out)
-
-
-def _few_corners(chain: Array, tolerance: float) -> _Indices:
-    """Indices of the corners of a closed chain (n, 2), three or more, that are kept."""
-    kept = np.array(sorted({0, int(np.argmax(np.linalg.norm(chain - chain[0], axis=1)))}), dtype=np.intp)
-    while True:
-        found = [_farthest(chain, kept, side) for side in range(len(kept))]
-        more = [k for distance, k in found if distance > tolerance]
-        if not more and len(kept) < 3:
-            more = [max(found)[1]]
-        if not more:
-            return kept
-        kept = np.union1d(kept, np.array(more, dtype=np.intp))
-
-
-def _farthest(chain: Array, kept: _Indices, side: int) -> tuple[float, int]:
-    """Distance of the corner of a chain that is farthest from the side that replaces it, and its index; 0, -1 where
-    the side replaces none.
-    """
-    first, last = int(kept[side]), int(kept[(side + 1) % len(kept)])
-    between = np.arange(first + 1, last if last > first else last + len(chain)) % len(chain)
-    if not len(between):
-        return 0.0, -1
-    a, d, p = chain[first], chain[last] - chain[first], chain[between]
-    along = np.clip((p - a) @ d / (d @ d), 0.0, 1.0)
-    distance = np.linalg.norm(a + along[:, None] * d - p, axis=1)
-    k = int(np.argmax(distance))
-    return float(distance[k]), int(between[k])
+    left_out = [chain.farthest(side)[0] for chain in chains for side in range(len(chain.kept))]
+    return [chain.ring for chain in chains], max(left_out)

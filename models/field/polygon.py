@@ -56,7 +56,9 @@ class Polygon(Wall):
         wrong = ~(np.abs(corners) <= _LARGEST).all(axis=1)
         if wrong.any():
             k = int(np.argmax(wrong))
-            raise ArgumentError(f"{where}: corner {k} = {_place(corners[k])}; allowed: finite ones up to {_LARGEST:g} m")
+            raise ArgumentError(
+                f"{where}: corner {k} = {_place(corners[k])}; allowed: finite ones up to {_LARGEST:g} m"
+            )
         corners = _open(corners)
         if len(corners) < 3:
             raise ArgumentError(f"{where}: {len(corners)} corners; allowed: 3 or more")

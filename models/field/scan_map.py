@@ -39,7 +39,9 @@ def grid_of_scans(
     """
     usable = (ranges > 0.0) & (ranges < longest) & np.isfinite(poses).all(axis=1)[:, None]
     if not usable.any():
-        raise FieldError(f"{name}: no range of the scans is between 0 and {longest:g} m; allowed: a greater range_maximum")
+        raise FieldError(
+            f"{name}: no range of the scans is between 0 and {longest:g} m; allowed: a greater range_maximum"
+        )
     beta = poses[:, 2:] + angles
     reach = np.where(usable, ranges, 0.0)
     ends = [(poses[:, j, None] + reach * turned)[usable] for j, turned in enumerate((np.cos(beta), np.sin(beta)))]
@@ -50,7 +52,9 @@ def grid_of_scans(
     first = np.floor(low / resolution) - _BORDER
     columns, rows = (np.ceil(high / resolution) + _BORDER - first).astype(int).tolist()
     if columns * rows > MOST_CELLS:
-        raise FieldError(f"{name}: {columns} x {rows} cells; allowed: at most {MOST_CELLS} in all, with a coarser resolution")
+        raise FieldError(
+            f"{name}: {columns} x {rows} cells; allowed: at most {MOST_CELLS} in all, with a coarser resolution"
+        )
     origin = first * resolution
     ended, passed = np.zeros((rows, columns), np.int64), np.zeros((rows, columns), np.int64)
     count_rays(ended, passed, (poses[:, :2] - origin) / resolution, beta, reach / resolution)

@@ -18,7 +18,9 @@ class RangingRecord:
     """Robot with range sensors within a wall; angles are in radians."""
 
     field: str  # name of the wall
-    coefficients: tuple[tuple[float, float, float, float], ...]  # [m] a_x, b_x, a_y, b_y of each harmonic; () of a polygon
+    coefficients: tuple[
+        tuple[float, float, float, float], ...
+    ]  # [m] a_x, b_x, a_y, b_y of each harmonic; () of a polygon
     angles: tuple[float, ...]  # (l,) [rad] of the sensors relative to the heading
     ranging: RangeQuality
     odometry: OdometryQuality

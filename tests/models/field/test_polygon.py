@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import is_inside, range_gradient
 from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.field.wall import Ring
 
 from .walls import FURNISHED, pillars
 
@@ -17,7 +19,7 @@ L_SHAPE = ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 3.0), (0.0, 3.0
 HOLE = ((0.5, 0.5), (1.0, 0.5), (1.0, 1.0), (0.5, 1.0))
 
 
-def nearest_crossing(wall, p, beta):
+def nearest_crossing(wall: Polygon, p: Array, beta: float) -> float:
     """Range along a ray by all segments, without a grid."""
     e = np.array([math.cos(beta), math.sin(beta)])
     a, b = wall.segments[:, :2] - p, wall.segments[:, 2:] - p
@@ -25,11 +27,11 @@ def nearest_crossing(wall, p, beta):
     hit = (at_a < 0.0) != (at_b < 0.0)
     a, b, share = a[hit], b[hit], (at_a[hit] / (at_a[hit] - at_b[hit]))[:, None]
     along = (a + share * (b - a)) @ e
-    return along[along > 0.0].min()
+    return float(along[along > 0.0].min())
 
 
 @pytest.mark.parametrize("wall", [FURNISHED, pillars(np.random.default_rng(1))], ids=["furnished", "pillars"])
-def test_rays_end_where_the_nearest_segment_is_crossed(wall):
+def test_rays_end_where_the_nearest_segment_is_crossed(wall: Polygon) -> None:
     rng = np.random.default_rng(3)
     angles = np.linspace(-3.0, 3.0, 12)
     for _ in range(150):
@@ -41,10 +43,12 @@ def test_rays_end_where_the_nearest_segment_is_crossed(wall):
         a, b = wall.segments[k, :2], wall.segments[k, 2:]
         ends = a + (s - k)[:, None] * (b - a)
         beta = pose[2] + angles
-        np.testing.assert_allclose(ends, pose[:2] + rho[:, None] * np.column_stack([np.cos(beta), np.sin(beta)]), atol=1e-7)
+        np.testing.assert_allclose(
+            ends, pose[:2] + rho[:, None] * np.column_stack([np.cos(beta), np.sin(beta)]), atol=1e-7
+        )
 
 
-def test_rays_into_a_corner_and_along_a_wall_do_not_escape():
+def test_rays_into_a_corner_and_along_a_wall_do_not_escape() -> None:
     wall = Polygon((L_SHAPE, HOLE))
     for corner in (*L_SHAPE, *HOLE):
         for p in ((1.5, 0.7), (1.4, 1.3)):
@@ -54,7 +58,7 @@ def test_rays_into_a_corner_and_along_a_wall_do_not_escape():
     assert wall.ranges(np.array([0.25, 1.0, 0.0]), np.zeros(1))[0][0] in (pytest.approx(0.25), pytest.approx(3.75))
 
 
-def test_inside_and_distance_are_those_of_all_segments():
+def test_inside_and_distance_are_those_of_all_segments() -> None:
     from matplotlib.path import Path
 
     wall = pillars(np.random.default_rng(2))
@@ -67,7 +71,7 @@ def test_inside_and_distance_are_those_of_all_segments():
         assert wall.distance(p) == pytest.approx(np.linalg.norm(a + along[:, None] * d - p, axis=1).min(), abs=1e-13)
 
 
-def test_gradient_of_a_range_is_that_of_its_differences():
+def test_gradient_of_a_range_is_that_of_its_differences() -> None:
     rng, h = np.random.default_rng(7), 1e-6
     for _ in range(50):
         pose = FURNISHED.draw(rng, 0.1)
@@ -81,14 +85,14 @@ def test_gradient_of_a_range_is_that_of_its_differences():
         np.testing.assert_allclose(range_gradient(FURNISHED.table, s[0], rho[0], pose[2]), slope, rtol=1e-4, atol=1e-6)
 
 
-def test_area_centre_and_diameter():
+def test_area_centre_and_diameter() -> None:
     wall = Polygon((L_SHAPE, HOLE))
     assert wall.area == pytest.approx(10.0 - 0.25)
     np.testing.assert_allclose(wall.centre, (np.array([18.0, 13.0]) - 0.25 * 0.75) / 9.75, rtol=1e-12)
     assert wall.longest == pytest.approx(5.0)
 
 
-def test_rings_may_run_either_way_and_repeat_their_first_corner():
+def test_rings_may_run_either_way_and_repeat_their_first_corner() -> None:
     wall, other = Polygon((L_SHAPE, HOLE)), Polygon(((*L_SHAPE[::-1], L_SHAPE[-1]), HOLE[::-1]))
     assert wall.area == other.area
     pose = np.array([1.5, 1.2, 0.4])
@@ -105,7 +109,7 @@ def test_rings_may_run_either_way_and_repeat_their_first_corner():
         ((L_SHAPE,), 1),
     ],
 )
-def test_rotations_that_map_a_wall_onto_itself(rings, symmetry):
+def test_rotations_that_map_a_wall_onto_itself(rings: tuple[Ring, ...], symmetry: int) -> None:
     wall = Polygon(rings)
     assert wall.symmetry == symmetry
     pose, angles = np.array([0.7, 1.1, 0.3]), np.array([0.0, 1.0, 2.5])
@@ -128,6 +132,6 @@ def test_rotations_that_map_a_wall_onto_itself(rings, symmetry):
         ((L_SHAPE, HOLE, ((0.6, 0.6), (0.8, 0.6), (0.7, 0.8))), "within another hole, or holds one"),
     ],
 )
-def test_what_is_no_wall_is_refused_by_ring_and_place(rings, said):
+def test_what_is_no_wall_is_refused_by_ring_and_place(rings: tuple[Ring, ...], said: str) -> None:
     with pytest.raises(ArgumentError, match=said):
         Polygon(rings, "hall")

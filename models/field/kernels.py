@@ -1,7 +1,7 @@
 """A wall and the rays that end on it, compiled: estimators compute thousands of them.
 
-A wall is a closed smooth curve or, told by the width of its table, a polygon with holes (``polygon_kernels``). The curve
-is theta(s) = sum_k a_k cos ks + b_k sin ks, its coefficients (K + 1, 4) in the columns a_x, b_x, a_y, b_y;
+A wall is a closed smooth curve or, told by the width of its table, a polygon with holes (``polygon_kernels``). The
+curve is theta(s) = sum_k a_k cos ks + b_k sin ks, its coefficients (K + 1, 4) in the columns a_x, b_x, a_y, b_y;
 ``polyline`` (n + 1, 2) are its points at s = 2 pi k / n. A ray from p along e = (cos beta, sin beta) ends where
 
     theta(s) = p + rho e,   rho > 0 the least.                                                             (C.4)

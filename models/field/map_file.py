@@ -36,7 +36,7 @@ class WallsDocument:
 
 
 def load_map(place: str | Path) -> Polygon:
-    """Load the walls of a map: a folder or a .json file with rings, or the .yaml file of a map of ROS, traced to a cell.
+    """Load the walls of a map: a folder or a .json file with rings, or a map.yaml of ROS, traced to a cell.
 
     Raises FieldError for a file that is no map, ArgumentError for rings that are no wall, FileNotFoundError.
     """

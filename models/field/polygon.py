@@ -92,15 +92,13 @@ class Polygon(Wall):
         holes = _table(_segments(self._corners[1:]))
         for number, corners in enumerate(self._corners[1:], start=1):
             x, y = self.rings[number][0]
+            where = f"{self.name}: ring {number} at {_place(self.rings[number][0])}"
             if not is_within_segments(outer, float(x), float(y)):
-                raise ArgumentError(
-                    f"{self.name}: ring {number} at {_place(self.rings[number][0])} is outside ring 0; allowed: holes within it"
-                )
+                raise ArgumentError(f"{where} is outside ring 0; allowed: holes within it")
             inner = _inner_point(corners)
             if not is_within_segments(holes, *inner):
                 raise ArgumentError(
-                    f"{self.name}: ring {number} at {_place(self.rings[number][0])} is within another hole, or holds one; "
-                    "allowed: holes apart from each other"
+                    f"{where} is within another hole, or holds one; allowed: holes apart from each other"
                 )
 
     # ---- the segments
@@ -196,7 +194,9 @@ class Polygon(Wall):
 def crossed_sides(rings: Sequence[Array]) -> list[Integers]:
     """For each ring (n, 2) [m] the numbers of its sides that meet other sides than at their common corners."""
     spans = np.cumsum([0, *map(len, rings)])
-    follows = np.concatenate([first + np.roll(np.arange(len(ring)), -1) for first, ring in zip(spans, rings)])
+    follows = np.concatenate(
+        [first + np.roll(np.arange(len(ring)), -1) for first, ring in zip(spans[:-1], rings, strict=True)]
+    )
     met = crossings(_table(_segments(tuple(rings))), follows) >= 0
     return [np.flatnonzero(met[first:last]) for first, last in itertools.pairwise(spans)]
 
@@ -255,5 +255,5 @@ def _meeting(a: Array, b: Array) -> Array:
     return meeting
 
 
-def _place(p: Array) -> str:
+def _place(p: Array | tuple[float, float]) -> str:
     return f"({p[0]:.4g}, {p[1]:.4g})"

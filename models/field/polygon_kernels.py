@@ -7,7 +7,7 @@ k, the inside on the left of a -> b. With s = k + tau it is the curve
 
 regular but for its corners, with theta''(s) = 0. Row 0 is a header: the grid's corner x, y [m], its cell [m], its
 columns and rows, the number of segments, and the rows in which two lists of numbers begin, eight to a row: for each
-cell, where its segments begin in the second list, and 1 if its reference point is inside; and the segments of all cells.
+cell, where its segments begin in the second list, and 1 if its reference point is inside; and the segments of each.
 
 A ray visits the cells along it (Amanatides and Woo, 1987) and ends at the nearest segment that it crosses. Both
 segments of a corner use the same sign of e x (corner - p), so no ray slips through between them; the length is exact
@@ -68,8 +68,8 @@ def segment_ray(table: Array, x: float, y: float, ex: float, ey: float) -> tuple
     begin = _entry(u, v, ex, ey, columns, rows)
     if math.isnan(begin):
         return math.nan, math.nan
-    i = min(max(int(math.floor(u + begin * ex)), 0), columns - 1)
-    j = min(max(int(math.floor(v + begin * ey)), 0), rows - 1)
+    i = min(max(math.floor(u + begin * ex), 0), columns - 1)
+    j = min(max(math.floor(v + begin * ey), 0), rows - 1)
     step_i, step_j = (1 if ex > 0.0 else -1), (1 if ey > 0.0 else -1)
     # Lengths [cells] along the ray to the next column and row, and from one to the next.
     next_i = ((i + (step_i > 0)) - u) / ex if ex != 0.0 else math.inf
@@ -191,8 +191,9 @@ def _square_to(table: Array, k: int, x: float, y: float) -> float:
 
 @njit(cache=True, nogil=True)
 def segment_table(segments: Array, low_x: float, low_y: float, cell: float, columns: int, rows: int) -> Array:
-    """Table of ``segments`` (n, 4) [m] with a grid of ``columns`` x ``rows`` cells [m] from (low_x, low_y), which has to
-    cover them.
+    """Table of ``segments`` (n, 4) [m] with a grid of ``columns`` x ``rows`` cells [m] from (low_x, low_y).
+
+    The grid has to cover them.
     """
     n = len(segments)
     header = np.array([low_x, low_y, cell, columns, rows, n, 0.0, 0.0])
@@ -232,7 +233,7 @@ def _list(segments: Array, header: Array, counts: Integers, table: Array, fill: 
 
 @inner_njit(nogil=True)
 def _cell_of(u: float, count: int) -> int:
-    return min(max(int(math.floor(u)), 0), count - 1)
+    return min(max(math.floor(u), 0), count - 1)
 
 
 @inner_njit(nogil=True)

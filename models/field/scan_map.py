@@ -32,7 +32,7 @@ def grid_of_scans(
     least: int = 2,
     name: str = "map",
 ) -> OccupancyGrid:
-    """Grid of scans from ``poses`` (n, 3) [m, m, rad] of the laser, with ``ranges`` (n, l) [m] at ``angles`` (l,) [rad].
+    """Grid of scans with ``ranges`` (n, l) [m] at ``angles`` (l,) [rad] from ``poses`` (n, 3) [m, m, rad] of the laser.
 
     A range that is not positive, or not below ``longest`` [m], is one without an echo. Raises FieldError if no range
     has one, or if the grid would be too large.
@@ -67,8 +67,8 @@ def grid_of_scans(
 def count_rays(ended: Integers, passed: Integers, places: Array, beta: Array, reach: Array) -> None:
     """Count, in place, the rays that end in and pass through cells (rows, columns).
 
-    They start at ``places`` (n, 2) [cells], along ``beta`` (n, l) [rad], and are as long as ``reach`` (n, l) [cells]; one
-    of length 0 does not count.
+    They start at ``places`` (n, 2) [cells], along ``beta`` (n, l) [rad], and are as long as ``reach`` (n, l) [cells];
+    one of length 0 does not count.
     """
     for k in range(len(places)):
         for i in range(beta.shape[1]):
@@ -80,8 +80,8 @@ def count_rays(ended: Integers, passed: Integers, places: Array, beta: Array, re
 def _count(ended: Integers, passed: Integers, x: float, y: float, beta: float, reach: float) -> None:
     rows, columns = ended.shape
     ex, ey = math.cos(beta), math.sin(beta)
-    i, j = int(math.floor(x)), int(math.floor(y))
-    last_i, last_j = int(math.floor(x + reach * ex)), int(math.floor(y + reach * ey))
+    i, j = math.floor(x), math.floor(y)
+    last_i, last_j = math.floor(x + reach * ex), math.floor(y + reach * ey)
     step_i, step_j = (1 if ex > 0.0 else -1), (1 if ey > 0.0 else -1)
     next_i = ((i + (step_i > 0)) - x) / ex if ex != 0.0 else math.inf
     next_j = ((j + (step_j > 0)) - y) / ey if ey != 0.0 else math.inf

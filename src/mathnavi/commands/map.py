@@ -49,7 +49,7 @@ class MapImportOptions:
     out: Path
     """folder to write: walls.json, map.yaml, map.png"""
     deviation: float | None = None
-    """largest distance of the cells' border from the walls [m]; the side of a cell if not given, 0: no simplification"""
+    """largest distance of the cells' border from the walls [m]; a cell's side if not given; 0: not simplified"""
     smallest_hole: float = 0.01
     """area below which a hole is left out [m^2]"""
     unknown_is_free: bool = False

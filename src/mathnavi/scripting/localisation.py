@@ -74,12 +74,12 @@ class PoseEstimate:
 class PoseObserver:
     """Estimator of a robot's pose, stepped through ranges and odometry.
 
-    ``wall`` is a closed curve, ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``, or a ``Polygon``. ``angles`` (l,) [rad] are
-    those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_iekf,
-    range_ukf, range_particle or range_observer, and ``fields`` are its fields. ``range_noise`` [m] and
-    ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start if
-    it is known, and ``period`` [s] the usual length of a step. ``trust_units`` says that readings are right that fit
-    the wall in another unit or with another sign only.
+    ``wall`` is a closed curve, ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``, or a ``Polygon``. ``angles``
+    (l,) [rad] are those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf,
+    range_iekf, range_ukf, range_particle or, within a smooth curve, range_observer, and ``fields`` are its fields.
+    ``range_noise`` [m] and ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is
+    the pose at the start if it is known, and ``period`` [s] the usual length of a step. ``trust_units`` says that
+    readings are right that fit the wall in another unit or with another sign only.
 
     Raises PluginError for an unknown method, FieldError for a field or a value that is not allowed.
     """

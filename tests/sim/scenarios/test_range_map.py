@@ -41,7 +41,7 @@ def test_estimators_follow_a_robot_among_tables(room: str, estimator: str) -> No
 
 
 def test_the_observer_says_that_its_theorem_needs_a_smooth_wall(room: str) -> None:
-    with pytest.raises(MissionError, match=r"furnished room is a polygon, and range_observer needs a smooth wall: Prop"):
+    with pytest.raises(MissionError, match=r"furnished room is a polygon, and range_observer needs a smooth wall"):
         flown(room, "range_observer")
 
 

@@ -235,6 +235,7 @@ KERNELS: tuple[Signature, ...] = (
     (sigma_poses, (WALL, ONE, TWO, float64, float64)),
     (clearance, (WALL, float64, float64)),
     (is_inside, (TWO_READ, TWO_READ, float64, float64)),
+    (wall_distance, (TWO_READ, TWO_READ, float64, float64)),
     (integrate, MOTION),
     (integrate_jacobians, MOTION),
     (sinc, (float64,)),

@@ -219,7 +219,8 @@ def _table(segments: Array) -> Array:
     cells = math.sqrt(_A_CELL * len(segments) * longer**2 / max(float(np.prod(size)), 0.01 * longer**2))
     cell = longer / min(max(cells, _FEWEST), _MOST)
     columns, rows = (math.ceil((side + 2.0 * border) / cell) for side in size)
-    table: Array = segment_table(np.ascontiguousarray(segments), *(low - border), cell, columns, rows)
+    low_x, low_y = (low - border).tolist()
+    table: Array = segment_table(np.ascontiguousarray(segments), low_x, low_y, cell, columns, rows)
     return table
 
 

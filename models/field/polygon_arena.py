@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.polygon import Polygon
@@ -79,7 +80,7 @@ def _beyond(solid: float, thickness: float, gap: float) -> float:
     return -max(0.0, gap / math.sin(solid) + max(gap * slope, (gap + thickness) * slope))
 
 
-def _is_met(first: Array, last: Array, low: tuple[float, float], high: tuple[float, float]) -> Array:
+def _is_met(first: Array, last: Array, low: tuple[float, float], high: tuple[float, float]) -> NDArray[np.bool_]:
     """True (n,) for the segments that meet a rectangle (Liang and Barsky, 1984)."""
     begin, end = np.zeros(len(first)), np.ones(len(first))
     for j in range(2):
@@ -90,5 +91,5 @@ def _is_met(first: Array, last: Array, low: tuple[float, float], high: tuple[flo
         within = (first[:, j] > low[j]) & (first[:, j] < high[j])
         begin = np.maximum(begin, np.where(level, np.where(within, 0.0, 2.0), np.minimum(one, other)))
         end = np.minimum(end, np.where(level, 1.0, np.maximum(one, other)))
-    met: Array = begin < end
+    met: NDArray[np.bool_] = begin < end
     return met

@@ -37,7 +37,8 @@ def grid_of_scans(
     A range that is not positive, or not below ``longest`` [m], is one without an echo. Raises FieldError if no range
     has one, or if the grid would be too large.
     """
-    usable = (ranges > 0.0) & (ranges < longest) & np.isfinite(poses).all(axis=1)[:, None]
+    known = np.isfinite(poses).all(axis=1, keepdims=True)
+    usable = (ranges > 0.0) & (ranges < longest) & known
     if not usable.any():
         raise FieldError(
             f"{name}: no range of the scans is between 0 and {longest:g} m; allowed: a greater range_maximum"

@@ -20,7 +20,15 @@ from numba import float64, int64
 from mathnavi.interfaces.compiled import Signature, njit
 from mathnavi.interfaces.kernel_types import ONE, TWO, TWO_READ, array, named
 from mathnavi.interfaces.signals import Array, Integers
-from mathnavi.models.field.kernels import cast_ray, curve_second_derivative, curve_tangent, is_inside, range_gradient
+from mathnavi.models.field.kernels import (
+    cast_ray,
+    curve_second_derivative,
+    curve_tangent,
+    is_inside,
+    range_gradient,
+    wall_distance,
+)
+from mathnavi.models.field.polygon_kernels import is_polygonal
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, wrapped
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
@@ -28,10 +36,10 @@ _ROUNDING = 1e-9  # [m]
 
 
 class WallTable(NamedTuple):
-    """The wall theta(s): ``table`` and ``polyline`` of a ``models.field.curve.Curve``."""
+    """The wall theta(s): ``table`` and ``polyline`` of a ``models.field.wall.Wall``."""
 
-    coefficients: Array  # (K + 1, 4) [m]
-    polyline: Array  # (n + 1, 2) [m] points, the last of which is the first
+    coefficients: Array  # (K + 1, 4) [m], or a table of segments (m, 8)
+    polyline: Array  # (n + 1, 2) [m]
 
 
 class RangeSensors(NamedTuple):
@@ -189,8 +197,13 @@ def sigma_poses(wall: WallTable, pose: Array, P: Array, deviations: float, margi
 
 @njit(cache=True, nogil=True)
 def clearance(wall: WallTable, x_1: float, x_2: float) -> float:
-    """Distance [m] of a point (x_1, x_2) [m] from the nearest point of the polyline; negative outside the wall."""
+    """Distance [m] of a point (x_1, x_2) [m] from a polygon, or the nearest point of a curve's polyline; negative
+    outside the wall.
+    """
     coefficients, polyline = wall
+    if is_polygonal(coefficients):
+        far = wall_distance(coefficients, polyline, x_1, x_2)
+        return far if is_inside(coefficients, polyline, x_1, x_2) else -far
     square = math.inf
     for k in range(len(polyline) - 1):
         d_1, d_2 = polyline[k, 0] - x_1, polyline[k, 1] - x_2
@@ -222,6 +235,7 @@ KERNELS: tuple[Signature, ...] = (
     (sigma_poses, (WALL, ONE, TWO, float64, float64)),
     (clearance, (WALL, float64, float64)),
     (is_inside, (TWO_READ, TWO_READ, float64, float64)),
+    (wall_distance, (TWO_READ, TWO_READ, float64, float64)),
     (integrate, MOTION),
     (integrate_jacobians, MOTION),
     (sinc, (float64,)),

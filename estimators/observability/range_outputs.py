@@ -27,7 +27,7 @@ from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.curve import Curve, smooth
 from mathnavi.models.field.kernels import cast_ray, is_inside, range_gradient
 from mathnavi.models.unicycle.kernels import integrate
 
@@ -119,10 +119,16 @@ _FITTED = 1e-9  # [m] of the largest residual
 
 @configuration
 class RangeOutputs:
-    """Output map h of sensors at ``angles`` (l,) [rad] off the heading within a wall."""
+    """Output map h of sensors at ``angles`` (l,) [rad] off the heading within a wall.
+
+    Raises MissionError for a polygon.
+    """
 
     curve: Curve
     angles: Annotated[tuple[float, ...], Condition(bool, "one sensor or more")]
+
+    def __post_init__(self) -> None:
+        smooth(self.curve, "a feasible set", "it is a curve by the implicit function theorem, so h has a derivative")
 
     @property
     def sensors(self) -> int:

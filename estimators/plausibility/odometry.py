@@ -26,7 +26,7 @@ from mathnavi.estimators.plausibility.units import (
     fit_only,
 )
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 
 _DURATION, _WINDOWS, _TIMES = 6.0, 3, 16  # [s] of a window at most, number of windows, times of one with ranges
@@ -136,7 +136,7 @@ def _windows(t: Array, ranges: Array, odometry: Array) -> Iterator[_Window]:
 class _Search:
     """Search of the pose at the start of a window."""
 
-    curve: Curve
+    curve: Wall
     angles: Array  # (l,) [rad]
     denser: int = 1
     starts: Array = field(init=False)  # (s, 3)
@@ -206,7 +206,7 @@ def _rest(errors: Array) -> Array:
     return rest if np.ndim(errors) > 1 else rest[0]
 
 
-def _size(curve: Curve) -> float:
+def _size(curve: Wall) -> float:
     """Distance [m] between opposite corners of the rectangle about the wall."""
     corners = curve.polyline
     return float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))

@@ -49,6 +49,7 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.field.curve import smooth
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
@@ -193,7 +194,10 @@ class RangeObserver:
     def __init__(self, config: RangeObserverConfig, mission: RangingMission) -> None:
         exact = mission.ranging.relative == mission.ranging.absolute == 0.0
         window, order = config.fit(exact)
-        curve, l = mission.curve, mission.sensors  # noqa: E741
+        curve = smooth(
+            mission.curve, "range_observer", "Proposition C.2 bounds the curvature of theta, of which a corner has none"
+        )
+        l = mission.sensors  # noqa: E741
         if config.z_0 and len(config.z_0) != l + 1:
             raise FieldError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
@@ -227,7 +231,7 @@ class RangeObserver:
     def build(config: RangeObserverConfig, mission: RangingMission) -> RangeObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for a ``z_0`` whose length does not fit the mission's sensors.
+        Raises FieldError for a ``z_0`` whose length does not fit the mission's sensors, MissionError for a polygon.
         """
         return RangeObserver(config, mission)
 

@@ -26,6 +26,7 @@ from mathnavi.estimators.ranging.pose_certificate_kernels import DistanceGrid, d
 from mathnavi.interfaces.bounds import CountInMemory, Positive, Probability, configuration
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 
@@ -201,9 +202,13 @@ def _most(count: int, fraction: float, probability: float) -> int:
 
 
 @lru_cache(maxsize=4)
-def _grid(curve: Curve) -> DistanceGrid:
+def _grid(wall: Wall) -> DistanceGrid:
+    grid: DistanceGrid = distance_grid(wall.wall, _NODES, _chord_error(wall) if isinstance(wall, Curve) else 0.0)
+    return grid
+
+
+def _chord_error(curve: Curve) -> float:
+    """Distance [m] between a curve and its chords, at most."""
     step = 2.0 * math.pi / (len(curve.polyline) - 1)
     second_derivative = curve.second_derivative(np.linspace(0.0, 2.0 * math.pi, 4096))
-    chord_error = np.linalg.norm(second_derivative, axis=1).max() * step**2 / 8.0
-    grid: DistanceGrid = distance_grid(curve.wall, _NODES, float(chord_error))
-    return grid
+    return float(np.linalg.norm(second_derivative, axis=1).max() * step**2 / 8.0)

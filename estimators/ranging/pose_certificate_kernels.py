@@ -23,7 +23,7 @@ import numpy as np
 
 from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
+from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside, wall_distance
 from mathnavi.models.unicycle.kernels import wrapped
 
 DistanceGrid = tuple[Array, float, float, float, float]
@@ -36,7 +36,8 @@ wall, then those that have to be within it; the number of the former that may be
 
 _SIDE = 0.5  # [m] of the first boxes
 _SECTORS = 16  # of headings, first
-_STACK = 100_000  # boxes that wait
+_STACK = 100_000  # boxes that wait, more than the first ones
+_REFUTED = 10  # boxes at least that may be examined for each first one: of a floor there are more than of a room
 _ITERATIONS = 12
 _PAD = 2  # cells of the grid beyond the wall
 
@@ -54,14 +55,9 @@ def distance_grid(wall: WallShape, nodes: int, chord_error: float) -> DistanceGr
     values = np.empty((n_x, n_y))
     for i in range(n_x):
         for j in range(n_y):
-            x, y, least = low_x + i * cell, low_y + j * cell, math.inf
-            for k in range(len(polyline) - 1):
-                ax, ay = polyline[k, 0], polyline[k, 1]
-                dx, dy = polyline[k + 1, 0] - ax, polyline[k + 1, 1] - ay
-                along = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)))
-                ex, ey = ax + along * dx - x, ay + along * dy - y
-                least = min(least, ex * ex + ey * ey)
-            values[i, j] = math.sqrt(least) if is_inside(coefficients, polyline, x, y) else -math.sqrt(least)
+            x, y = low_x + i * cell, low_y + j * cell
+            distance = wall_distance(coefficients, polyline, x, y)
+            values[i, j] = distance if is_inside(coefficients, polyline, x, y) else -distance
     return values, low_x, low_y, cell, cell / math.sqrt(2.0) + 2.0 * chord_error
 
 
@@ -195,10 +191,12 @@ def search(
     rows, outliers, limit = tests
     ends = len(rays)
     far = max(0.5, rows[:ends, 2].mean())  # [m] at which a turn counts as much as a shift
-    stack, top = np.zeros((_STACK, 7)), 0  # x, y, phi, h, w, the test to begin with, 1 where a pose was sought
     low_x, low_y = polyline[:, 0].min(), polyline[:, 1].min()
     n_x = math.ceil((polyline[:, 0].max() - low_x) / _SIDE)
     n_y = math.ceil((polyline[:, 1].max() - low_y) / _SIDE)
+    firsts = n_x * n_y * _SECTORS
+    most_boxes = max(most_boxes, _REFUTED * firsts)
+    stack, top = np.zeros((_STACK + firsts, 7)), 0  # x, y, phi, h, w, the first test, 1 where a pose was sought
     for i in range(n_x):
         for j in range(n_y):
             for k in range(_SECTORS):
@@ -213,7 +211,7 @@ def search(
         top -= 1
         box[:] = stack[top]
         boxes += 1
-        if boxes > most_boxes or top + 4 > _STACK:
+        if boxes > most_boxes or top + 4 > len(stack):
             return poses[1:count].copy(), -1, boxes
         x, y, phi, h, w = box[0], box[1], box[2], box[3], box[4]
         if _is_near(poses, count, box, h, w, radius, angle):

@@ -1,8 +1,9 @@
-"""Reader of PNG pictures, whose size is checked before they are decoded."""
+"""Reader of pictures, whose size is checked before they are decoded."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,14 @@ def check_pixels(width: int, height: int, path: Path, error: Refusal) -> None:
         raise error(f"{path}: {width} x {height} pixels; allowed: at most {MOST_PIXELS} in all")
 
 
-def read_picture(path: Path, error: Refusal) -> tuple[Image.Image, Array]:
-    """Read a picture, and its values (rows, cols) as stored, row 0 on top."""
+def read_picture(path: Path, error: Refusal, formats: Sequence[str] = ("PNG",)) -> tuple[Image.Image, Array]:
+    """Read a picture in one of Pillow's ``formats``, and its values (rows, cols) as stored, row 0 on top."""
     try:
         # A warning of pillow is either an error, or on a large map, which is allowed.
         with (
             warnings.catch_warnings(action="ignore"),
             opened(path, error, MOST_BYTES) as file,
-            Image.open(file, formats=("PNG",)) as image,
+            Image.open(file, formats=formats) as image,
         ):
             check_pixels(*image.size, path, error)
             image.load()

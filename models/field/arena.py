@@ -9,7 +9,10 @@ curve (to 1e-14 m). Any other curve is a band of triangles on ``CHORDS`` of its 
 too early or too late; in addition MuJoCo keeps vertices as float32. Over 9 000 rays the error was at most 2e-6 m in the
 egg and 5e-6 m in the bean.
 
-The wall that is drawn and collides is a ring of boxes just outside, so no ray reaches them.
+A polygon is such a band on its sides, which a ray meets where it should but for the vertices in float32.
+
+The wall that is drawn and collides is a ring of boxes just outside, so no ray reaches them; ``polygon_arena`` has those
+of a polygon.
 """
 
 from __future__ import annotations
@@ -21,6 +24,9 @@ import numpy as np
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.field.polygon_arena import boxes_behind, triangles
+from mathnavi.models.field.wall import Wall
 
 SENSOR_HEIGHT = 0.163
 """height [m] above the floor of the plane in which ranges are measured"""
@@ -40,16 +46,21 @@ _BARELY = (1.0, 1.0, 1.0, 1e-6)  # seen by rays, not by eyes
 class FieldArena(composer.Arena):
     """A floor within a wall. Geoms: ``floor``, ``sensed_wall``, and ``wall_K`` of the drawn one."""
 
-    def _build(self, curve: Curve) -> None:  # the method that dm_control tells its users to override
+    def _build(self, wall: Wall) -> None:  # the method that dm_control tells its users to override
         super()._build(name=None)
         self._mjcf_root.model = "field"
-        low, high = curve.polyline.min(axis=0), curve.polyline.max(axis=0)
+        low, high = wall.polyline.min(axis=0), wall.polyline.max(axis=0)
         self._floor(0.5 * (low + high), 0.5 * (high - low) + 0.6)
-        if curve.is_ellipse:
-            self._ellipsoid(curve)
-        else:
-            self._band(curve)
-        self._boxes(curve)
+        if isinstance(wall, Curve):
+            if wall.is_ellipse:
+                self._ellipsoid(wall)
+            else:
+                self._band(wall)
+            self._boxes(wall)
+        elif isinstance(wall, Polygon):
+            self._mesh(triangles(wall.segments, 0.0, 2.0 * SENSOR_HEIGHT))
+            for k, box in enumerate(boxes_behind(wall, WALL_THICKNESS, _GAP)):
+                self._box(k, box.middle, box.along, 0.5 * box.length, 0.5 * box.thickness)
         root = self._mjcf_root
         root.statistic.center = (*(0.5 * (low + high)).tolist(), 0.0)
         root.statistic.extent = float(np.linalg.norm(high - low)) / 2.0
@@ -87,10 +98,11 @@ class FieldArena(composer.Arena):
         faces = np.vstack(
             [np.column_stack([k, after, k + CHORDS]), np.column_stack([after, after + CHORDS, k + CHORDS])]
         )
+        self._mesh(vertices[faces])
+
+    def _mesh(self, triangles: Array) -> None:
         root = self._mjcf_root
-        mesh = root.asset.add(
-            "mesh", name="sensed_wall", file=mjcf.Asset(_stl(vertices[faces]), ".stl"), inertia="shell"
-        )
+        mesh = root.asset.add("mesh", name="sensed_wall", file=mjcf.Asset(_stl(triangles), ".stl"), inertia="shell")
         root.worldbody.add(
             "geom", name="sensed_wall", type="mesh", mesh=mesh, rgba=_BARELY, contype=0, conaffinity=0, mass=0,
             group=SENSED_GROUP,
@@ -107,12 +119,15 @@ class FieldArena(composer.Arena):
             out = np.array([along[1], -along[0]])
             face = float(((own - own[0]) @ out).max()) + _GAP
             middle = 0.5 * (own[0] + own[-1]) + (face + 0.5 * WALL_THICKNESS) * out
-            self._mjcf_root.worldbody.add(
-                "geom", name=f"wall_{k}", type="box", pos=(*middle, 0.5 * WALL_HEIGHT),
-                size=(0.5 * length + 0.3 * WALL_THICKNESS, 0.5 * WALL_THICKNESS, 0.5 * WALL_HEIGHT),
-                xyaxes=(*along, 0.0, *-out, 0.0), rgba=(0.36, 0.42, 0.50, 1.0),
-                contype=2, conaffinity=0, mass=0, group=DRAWN_GROUP,
-            )  # fmt: skip
+            self._box(k, middle, along, 0.5 * length + 0.3 * WALL_THICKNESS, 0.5 * WALL_THICKNESS)
+
+    def _box(self, k: int, middle: Array, along: Array, half_length: float, half_thickness: float) -> None:
+        self._mjcf_root.worldbody.add(
+            "geom", name=f"wall_{k}", type="box", pos=(*middle, 0.5 * WALL_HEIGHT),
+            size=(half_length, half_thickness, 0.5 * WALL_HEIGHT),
+            xyaxes=(*along, 0.0, -along[1], along[0], 0.0), rgba=(0.36, 0.42, 0.50, 1.0),
+            contype=2, conaffinity=0, mass=0, group=DRAWN_GROUP,
+        )  # fmt: skip
 
 
 def _stl(triangles: Array) -> bytes:

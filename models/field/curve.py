@@ -14,9 +14,9 @@ from functools import cached_property
 import casadi
 import numpy as np
 
-from mathnavi.interfaces.errors import ArgumentError, FieldError
+from mathnavi.interfaces.errors import ArgumentError, FieldError, MissionError
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.kernels import WallShape, cast_rays, is_inside
+from mathnavi.models.field.wall import Wall, fixed
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
 
@@ -28,7 +28,7 @@ _SAME = 1e-9  # of the size of the curve: two of its Fourier coefficients are th
 
 
 @dataclass(frozen=True)
-class Curve:
+class Curve(Wall):
     """A wall. ``coefficients`` are (a_x, b_x, a_y, b_y) [m] of k = 0, ..., K.
 
     Raises ValueError unless the curve is finite, of order 1 at least, regular, simple and counter-clockwise.
@@ -81,17 +81,23 @@ class Curve:
     @cached_property
     def table(self) -> Array:
         """Coefficients (K + 1, 4) as the kernels take them."""
-        return _fixed(np.array(self.coefficients, dtype=np.float64))
+        return fixed(np.array(self.coefficients, dtype=np.float64))
 
     @cached_property
     def polyline(self) -> Array:
         """Points (n + 1, 2) [m] at s = 2 pi k / n."""
-        return _fixed(self.points(np.linspace(0.0, 2.0 * math.pi, POINTS + 1)))
+        return fixed(self.points(np.linspace(0.0, 2.0 * math.pi, POINTS + 1)))
 
     @cached_property
-    def wall(self) -> WallShape:
-        """Coefficients and polyline together, as the kernels take them."""
-        return self.table, self.polyline
+    def outlines(self) -> tuple[Array, ...]:
+        """The polyline, as the only closed polygon."""
+        return (self.polyline,)
+
+    @cached_property
+    def longest(self) -> float:
+        """Longest distance [m] between two points of the polyline, of which every eighth is looked at."""
+        corners = self.polyline[:-1:8]
+        return float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
 
     @property
     def is_ellipse(self) -> bool:
@@ -103,38 +109,6 @@ class Curve:
         """Area [m^2] within the chords; negative where the curve runs clockwise."""
         x, y = self.polyline[:-1].T
         return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
-
-    # ---- the inside
-
-    def contains(self, p: Array, margin: float = 0.0) -> bool:
-        """True if a point (2,) [m] is within the wall, and no nearer to it than ``margin`` [m]."""
-        if not is_inside(self.table, self.polyline, float(p[0]), float(p[1])):
-            return False
-        return margin <= 0.0 or self.distance(p) >= margin
-
-    def distance(self, p: Array) -> float:
-        """Distance [m] from a point (2,), or from the position of a pose (3,), to the chords of the wall."""
-        p, a, b = np.asarray(p)[:2], self.polyline[:-1], self.polyline[1:]
-        d = b - a
-        along = np.clip(((p - a) * d).sum(axis=1) / (d * d).sum(axis=1), 0.0, 1.0)
-        return float(np.linalg.norm(a + along[:, None] * d - p, axis=1).min())
-
-    def ranges(self, pose: Array, angles: Array) -> tuple[Array, Array]:
-        """Ranges rho (l,) [m] and ray ends s (l,) [rad] of sensors at ``angles`` (l,) [rad] from a pose (3,), (C.4)."""
-        rho, s = cast_rays(self.table, self.polyline, np.asarray(pose, np.float64), np.asarray(angles, np.float64))
-        return rho, s
-
-    def draw(self, rng: np.random.Generator, margin: float = 0.0) -> Array:
-        """Draw a pose (3,) [m, m, rad], uniform over the points within that keep ``margin`` [m], and over headings.
-
-        Raises ArgumentError if there seems to be no such point.
-        """
-        low, high = self.polyline.min(axis=0), self.polyline.max(axis=0)
-        for _ in range(10_000):
-            p = rng.uniform(low, high)
-            if self.contains(p, margin):
-                return np.array([*p, rng.uniform(-math.pi, math.pi)])
-        raise ArgumentError(f"{self.name}: no point keeps {margin!r} m from the wall; allowed: a smaller margin")
 
     # ---- symmetry
 
@@ -177,19 +151,6 @@ class Curve:
         """Centre a_0 (2,) [m], which the rotations of ``symmetry`` keep."""
         return np.array([self.coefficients[0][0], self.coefficients[0][2]])
 
-    def images(self, pose: Array) -> Array:
-        """Poses (m, 3) indistinguishable from a pose (3,) [m, m, rad], which comes first; in a circle only that."""
-        turns = 2.0 * math.pi * np.arange(max(self.symmetry, 1)) / max(self.symmetry, 1)
-        offset = pose[:2] - self.centre
-        c, s = np.cos(turns), np.sin(turns)
-        return np.column_stack(
-            [
-                self.centre[0] + c * offset[0] - s * offset[1],
-                self.centre[1] + s * offset[0] + c * offset[1],
-                pose[2] + turns,
-            ]
-        )
-
     def _series(self, s: Array, derivative: int) -> Array:
         s = np.asarray(s, dtype=np.float64)
         total = np.zeros((*s.shape, 2))
@@ -200,11 +161,6 @@ class Curve:
             c, sn = k**derivative * np.cos(k * s + shift), k**derivative * np.sin(k * s + shift)
             total += np.stack([ax * c + bx * sn, ay * c + by * sn], axis=-1)
         return total
-
-
-def _fixed(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
 
 
 def _crossing(points: Array) -> str:
@@ -225,6 +181,13 @@ def _crossing(points: Array) -> str:
     first = int(np.argmax(hit))
     x, y = a[side[first]] + t[first] * d[side[first]]
     return f"({x:.3g}, {y:.3g})"
+
+
+def smooth(wall: Wall, user: str, reason: str) -> Curve:
+    """Return a wall that is a smooth curve; MissionError says that ``user`` needs one, and for what ``reason``."""
+    if isinstance(wall, Curve):
+        return wall
+    raise MissionError(f"{wall.name} is a polygon, and {user} needs a smooth wall: {reason}; allowed: a closed curve")
 
 
 # ---- curves by name

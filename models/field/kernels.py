@@ -1,13 +1,15 @@
-"""A closed curve and the rays that end on it, compiled: estimators compute thousands of them.
+"""A wall and the rays that end on it, compiled: estimators compute thousands of them.
 
-The curve is theta(s) = sum_k a_k cos ks + b_k sin ks, its coefficients (K + 1, 4) in the columns a_x, b_x, a_y, b_y;
+A wall is a closed smooth curve or, told by the width of its table, a polygon with holes (``polygon_kernels``). The
+curve is theta(s) = sum_k a_k cos ks + b_k sin ks, its coefficients (K + 1, 4) in the columns a_x, b_x, a_y, b_y;
 ``polyline`` (n + 1, 2) are its points at s = 2 pi k / n. A ray from p along e = (cos beta, sin beta) ends where
 
     theta(s) = p + rho e,   rho > 0 the least.                                                             (C.4)
 
 For an ellipse (K = 1) that is a quadratic equation. Otherwise the polyline brackets the root of e x (theta(s) - p), its
 points being on the curve, and safeguarded Newton steps find it; two crossings within one segment, where a ray grazes
-the wall, are passed over.
+the wall, are passed over. In every kernel ``coefficients`` and ``polyline`` are those of the curve, or the table of
+segments of a polygon and its corners, which only bound it; s is then the number of a segment and the share along it.
 """
 
 from __future__ import annotations
@@ -18,17 +20,28 @@ import numpy as np
 
 from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.field.polygon_kernels import (
+    is_polygonal,
+    is_within_segments,
+    segment_distance,
+    segment_point,
+    segment_ray,
+    segment_tangent,
+)
 
 _STEPS = 60  # bisections at most; Newton needs three
 _PRECISION = 4e-15  # of s: what rounding leaves of a sum of harmonics
 
 WallShape = tuple[Array, Array]
-"""coefficients (K + 1, 4) [m] and polyline (n + 1, 2) [m] of a closed curve"""
+"""coefficients (K + 1, 4) [m] and polyline (n + 1, 2) [m] of a closed curve, or table of segments (m, 8) and corners
+(n + 1, 2) [m] of a polygon with holes"""
 
 
 @njit(cache=True, nogil=True)
 def curve_point(coefficients: Array, s: float) -> tuple[float, float]:
     """Point theta(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
+    if is_polygonal(coefficients):
+        return segment_point(coefficients, s)
     x, y = coefficients[0, 0], coefficients[0, 2]
     for k in range(1, len(coefficients)):
         c, sn = math.cos(k * s), math.sin(k * s)
@@ -40,6 +53,8 @@ def curve_point(coefficients: Array, s: float) -> tuple[float, float]:
 @njit(cache=True, nogil=True)
 def curve_tangent(coefficients: Array, s: float) -> tuple[float, float]:
     """Derivative theta'(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
+    if is_polygonal(coefficients):
+        return segment_tangent(coefficients, s)
     x = y = 0.0
     for k in range(1, len(coefficients)):
         c, sn = k * math.cos(k * s), k * math.sin(k * s)
@@ -50,7 +65,9 @@ def curve_tangent(coefficients: Array, s: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def curve_second_derivative(coefficients: Array, s: float) -> tuple[float, float]:
-    """Second derivative theta''(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
+    """Second derivative theta''(s) [m] of a curve with ``coefficients`` (K + 1, 4); 0 on a polygon."""
+    if is_polygonal(coefficients):
+        return 0.0, 0.0
     x = y = 0.0
     for k in range(1, len(coefficients)):
         c, sn = k * k * math.cos(k * s), k * k * math.sin(k * s)
@@ -80,6 +97,8 @@ def is_inside(coefficients: Array, polyline: Array, x: float, y: float) -> bool:
 
     Between its chords and the curve itself the answer may be either.
     """
+    if is_polygonal(coefficients):
+        return is_within_segments(coefficients, x, y)
     if len(coefficients) == 2:
         xi, eta = _to_circle(coefficients, x - coefficients[0, 0], y - coefficients[0, 2])
         return xi * xi + eta * eta < 1.0
@@ -91,6 +110,21 @@ def is_inside(coefficients: Array, polyline: Array, x: float, y: float) -> bool:
     return inside
 
 
+@njit(cache=True, nogil=True)
+def wall_distance(coefficients: Array, polyline: Array, x: float, y: float) -> float:
+    """Distance [m] from (x, y) [m] to the chords of a curve, or to a polygon."""
+    if is_polygonal(coefficients):
+        return segment_distance(coefficients, x, y)
+    square = math.inf
+    for k in range(len(polyline) - 1):
+        ax, ay = polyline[k, 0], polyline[k, 1]
+        dx, dy = polyline[k + 1, 0] - ax, polyline[k + 1, 1] - ay
+        along = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)))
+        ex, ey = ax + along * dx - x, ay + along * dy - y
+        square = min(square, ex * ex + ey * ey)
+    return math.sqrt(square)
+
+
 @inner_njit(nogil=True)
 def cast_ray(coefficients: Array, polyline: Array, x: float, y: float, beta: float) -> tuple[float, float]:
     """Cast a ray from (x, y) [m] along ``beta`` [rad]: its length rho [m] and where it ends, s in [0, 2 pi); see (C.4).
@@ -98,6 +132,8 @@ def cast_ray(coefficients: Array, polyline: Array, x: float, y: float, beta: flo
     ``coefficients`` (K + 1, 4), ``polyline`` (n + 1, 2). NaN, NaN where the ray misses the wall.
     """
     ex, ey = math.cos(beta), math.sin(beta)
+    if is_polygonal(coefficients):
+        return segment_ray(coefficients, x, y, ex, ey)
     if len(coefficients) == 2:
         return _ellipse_ray(coefficients, x, y, ex, ey)
     n = len(polyline) - 1

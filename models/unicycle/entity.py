@@ -12,7 +12,7 @@ import mujoco
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.field.arena import SENSOR_HEIGHT, FieldArena
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.vehicle_names import check_vehicle_name
 
@@ -69,7 +69,7 @@ class Unicycle(composer.Entity):
 
 
 def build_spec(
-    curve: Curve,
+    curve: Wall,
     angles: Sequence[float],
     drive: DriveName = "ideal",
     friction: float = 1.0,
@@ -101,7 +101,7 @@ def build_spec(
 
 
 def build_model(
-    curve: Curve,
+    curve: Wall,
     angles: Sequence[float],
     drive: DriveName = "ideal",
     friction: float = 1.0,

@@ -30,7 +30,7 @@ from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 
@@ -174,7 +174,7 @@ class RangingMission:
     Raises MissionError without sensors, with two at the same angle, or with a known start that is not within the wall.
     """
 
-    curve: Curve
+    curve: Wall
     angles: SensorAngles  # (l,) [rad] alpha_i, counter-clockwise from the heading
     ranging: RangeQuality = field(default_factory=RangeQuality)
     odometry: OdometryQuality = field(default_factory=OdometryQuality)
@@ -204,10 +204,8 @@ class RangingMission:
 
     def sensors_carried(self) -> tuple[RangeSensor, WheelOdometry]:
         """Make the sensors of one run, of readings "ranges" (l,) [m] and "odometry" (2,) [m/s, rad/s]."""
-        corners = self.curve.polyline[:-1:8]
-        longest = float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
         rate = 1.0 / self.period
-        return RangeSensor(self.sensors, self.ranging, longest, rate), WheelOdometry(self.odometry, rate)
+        return RangeSensor(self.sensors, self.ranging, self.curve.longest, rate), WheelOdometry(self.odometry, rate)
 
     @property
     def alpha(self) -> Array:

@@ -9,8 +9,11 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.field.wall import Wall
 from mathnavi.renders.figures import GRID, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging import shapes
@@ -42,9 +45,7 @@ def field_figure(run: RangingRun) -> Figure:
 
 
 def _draw_field(axes: Axes, run: RangingRun) -> None:
-    wall = run.curve.polyline
-    axes.fill(*wall.T, color=GRID, alpha=0.22, lw=0)
-    axes.plot(*wall.T, color=INK, lw=2.2)
+    draw_wall(axes, run.curve)
     _draw_paths(axes, run)
     if run.initialised.any():
         times = begun(run) + (run.duration - begun(run)) * np.linspace(0.0, 1.0, LOOKS) ** 3
@@ -59,6 +60,15 @@ def _draw_field(axes: Axes, run: RangingRun) -> None:
     axes.set(xlabel="x₁ [m]", ylabel="x₂ [m]", aspect="equal", title="Path")
     handles, names = axes.get_legend_handles_labels()
     axes.legend(handles, names, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
+
+
+def draw_wall(axes: Axes, wall: Wall) -> None:
+    """Fill what is within a wall, and draw its outlines."""
+    corners = np.vstack(wall.outlines)
+    codes = np.concatenate([[Path.MOVETO] + [Path.LINETO] * (len(each) - 1) for each in wall.outlines])
+    axes.add_patch(PathPatch(Path(corners, codes), facecolor=GRID, alpha=0.22, lw=0))
+    for outline in wall.outlines:
+        axes.plot(*outline.T, color=INK, lw=2.2 if len(corners) < 2000 else 0.8)
 
 
 def _draw_close(axes: Axes, run: RangingRun) -> None:

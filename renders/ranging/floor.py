@@ -9,28 +9,30 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.renders.palette import Colour, Picture
 
 Flags = NDArray[np.bool_]
 
 BORDER = 0.4  # [m] beyond the wall; farther out there is the backdrop
 PIXELS_PER_METRE = 160
+MOST_PIXELS = 4096  # along the longer side
 LINES = ((0.5, 0.004, 0.35), (1.0, 0.006, 0.7))  # [m] from line to line, half their width [m], how strong they are
 INSIDE, OUTSIDE, RULED = (247.0, 245.0, 239.0), (186.0, 195.0, 205.0), (206.0, 204.0, 197.0)
 SHADE = 0.10  # [m] from the wall within which the floor is darker
 
 
-def extent(curve: Curve) -> tuple[Array, Array]:
+def extent(curve: Wall) -> tuple[Array, Array]:
     """Centre and half of the sides (2,) [m] of what is painted."""
     low, high = curve.polyline.min(axis=0), curve.polyline.max(axis=0)
     return 0.5 * (low + high), 0.5 * (high - low) + BORDER
 
 
-def floor_picture(curve: Curve) -> Picture:
+def floor_picture(curve: Wall) -> Picture:
     """(height, width, 3), the first row at the greatest x_2."""
     centre, half = extent(curve)
-    columns, rows = (math.ceil(2.0 * side * PIXELS_PER_METRE) for side in half)
+    per_metre = min(PIXELS_PER_METRE, MOST_PIXELS / (2.0 * float(half.max())))
+    columns, rows = (math.ceil(2.0 * side * per_metre) for side in half)
     x = centre[0] + half[0] * (2.0 * np.arange(columns) + 1.0 - columns) / columns
     y = centre[1] - half[1] * (2.0 * np.arange(rows) + 1.0 - rows) / rows
     within = _within(curve, x, y)
@@ -38,7 +40,7 @@ def floor_picture(curve: Curve) -> Picture:
     for step, half_width, strength in LINES:
         lines = _near(y, step, half_width)[:, None] | _near(x, step, half_width)[None, :]
         picture += strength * (lines & within)[..., None] * (np.array(RULED) - picture)
-    to_wall = distance_transform_edt(within) / PIXELS_PER_METRE
+    to_wall = distance_transform_edt(within) / per_metre
     picture *= 1.0 - 0.16 * np.where(within, np.exp(-to_wall / SHADE), 0.0)[..., None]
     clipped: Picture = np.clip(np.round(picture), 0.0, 255.0).astype(np.uint8)
     return clipped
@@ -50,10 +52,10 @@ def pale(colour: Colour, strength: float) -> Colour:
     return r, g, b
 
 
-def _within(curve: Curve, x: Array, y: Array) -> Flags:
+def _within(curve: Wall, x: Array, y: Array) -> Flags:
     """(rows, columns) which pixels are within the wall, by the crossings of each row."""
-    a = curve.polyline[:-1]
-    b = np.roll(a, -1, axis=0)
+    a = np.vstack([outline[:-1] for outline in curve.outlines])
+    b = np.vstack([outline[1:] for outline in curve.outlines])
     within = np.zeros((len(y), len(x)), dtype=bool)
     for row, height in enumerate(y):
         crossing = (a[:, 1] > height) != (b[:, 1] > height)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array, Status
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.renders.logged_run import LoggedRun
@@ -43,7 +43,7 @@ class RangingRun(LoggedRun):
         return self.log.x[:, :3]
 
     @property
-    def curve(self) -> Curve:
+    def curve(self) -> Wall:
         """The wall."""
         return self.mission.curve
 
@@ -207,7 +207,7 @@ def load_run(directory: str | Path) -> RangingRun:
 
 def _mission(record: RangingRecord) -> RangingMission:
     return RangingMission(
-        curve=Curve(record.coefficients, record.field),
+        curve=record.wall(),
         angles=record.angles,
         ranging=record.ranging,
         odometry=record.odometry,

@@ -18,6 +18,7 @@ import numpy as np
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT, WALL_HEIGHT, WALL_THICKNESS
 from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.entity import FLOOR, build_spec
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
@@ -167,7 +168,7 @@ class RangingScene(Staged):
                     self.stage.line(points, colour, 0.6 * width)
             spread = 3.0 * math.sqrt(max(float(P[k, 2, 2]), 0.0))
             self.stage.line(_lifted(shapes.fan(x, spread, FAN), self._height), colour, 0.6 * width)
-        if run.beliefs.z is not None:
+        if run.beliefs.z is not None and isinstance(run.curve, Curve):
             believed = run.curve.points(run.beliefs.z[k, :-1])
             for place in believed:
                 ray = _lifted(x[:2] + np.linspace(0.0, 1.0, DASHED)[:, None] * (place - x[:2]), SENSOR_HEIGHT)
@@ -243,7 +244,7 @@ def _paint(spec: Any, run: RangingRun) -> None:
     )  # fmt: skip
 
 
-def top_view(curve: Curve, aspect: float) -> View:
+def top_view(curve: Wall, aspect: float) -> View:
     """View from above in which the field fills the free part of a picture of that width over height."""
     reach = 2.0 * WALL_THICKNESS
     low, high = curve.polyline.min(axis=0) - reach, curve.polyline.max(axis=0) + reach

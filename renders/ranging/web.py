@@ -10,6 +10,7 @@ from PIL import Image
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.arena import DRAWN_GROUP, SENSOR_HEIGHT
+from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.entity import build_spec
 from mathnavi.renders.palette import COLOURS, SceneElement
 from mathnavi.renders.ranging import shapes
@@ -184,7 +185,7 @@ def _beliefs(run: RangingRun) -> list[Lines]:
                 if np.isfinite(pose).all() and not np.allclose(pose, beliefs.x[k]):
                     guesses[-1].append(lifted(shapes.outline(pose), MARKS))
                     strengths.append(0.25 + 0.75 * float(own[j]))
-        if beliefs.z is not None:
+        if beliefs.z is not None and isinstance(run.curve, Curve):
             for place in run.curve.points(beliefs.z[k, :-1]):
                 ends[-1].append(lifted(np.array([beliefs.x[k, :2], place]), SENSOR_HEIGHT))
     t, end = beliefs.t[chosen], run.duration

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.field.wall import Ring, Wall
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.records.missions import Point
@@ -14,7 +18,9 @@ class RangingRecord:
     """Robot with range sensors within a wall; angles are in radians."""
 
     field: str  # name of the wall
-    coefficients: tuple[tuple[float, float, float, float], ...]  # [m] a_x, b_x, a_y, b_y of each harmonic
+    coefficients: tuple[
+        tuple[float, float, float, float], ...
+    ]  # [m] a_x, b_x, a_y, b_y of each harmonic; () of a polygon
     angles: tuple[float, ...]  # (l,) [rad] of the sensors relative to the heading
     ranging: RangeQuality
     odometry: OdometryQuality
@@ -26,4 +32,17 @@ class RangingRecord:
     drive: DriveName
     friction: float  # [-]
     start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
+    rings: tuple[Ring, ...] = ()  # [m] corners of a polygon's rings, the outer one first; () of a curve
     outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges
+
+    def wall(self) -> Wall:
+        """Wall of the mission. Raises ArgumentError for coefficients or rings that describe none."""
+        return Polygon(self.rings, self.field) if self.rings else Curve(self.coefficients, self.field)
+
+
+def wall_record(wall: Wall) -> dict[str, Any]:
+    """Return the fields of a record that describe a wall."""
+    if isinstance(wall, Polygon):
+        return {"coefficients": (), "rings": wall.rings}
+    assert isinstance(wall, Curve)
+    return {"coefficients": wall.coefficients}

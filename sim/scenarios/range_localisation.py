@@ -19,7 +19,7 @@ import numpy as np
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.sensor_faults import Outage, Saturated
 from mathnavi.models.unicycle.beacons import BEARINGS, DIFFERENCES, RANGES, BeaconFieldMission
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
@@ -29,7 +29,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.metrics.ranging import ranging_summary
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.records.range_missions import RangingRecord
+from mathnavi.sim.records.range_missions import RangingRecord, wall_record
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
@@ -182,7 +182,7 @@ def _drawn_start(mission: RangingMission, parts: Assembler) -> tuple[float, floa
     )
 
 
-def _check_start(start: tuple[float, float, float], pose: Array, curve: Curve) -> None:
+def _check_start(start: tuple[float, float, float], pose: Array, curve: Wall) -> None:
     """Raise MissionError for a start outside the wall, or where the robot touches it."""
     if not curve.contains(pose):
         raise MissionError(f"start = {start!r} is outside the {curve.name}; allowed: within it")
@@ -192,7 +192,7 @@ def _check_start(start: tuple[float, float, float], pose: Array, curve: Curve) -
         )
 
 
-def _known_start(config: RangeLocalisationConfig, pose: Array, curve: Curve, rng: np.random.Generator) -> KnownStart:
+def _known_start(config: RangeLocalisationConfig, pose: Array, curve: Wall, rng: np.random.Generator) -> KnownStart:
     """Start as known to an estimator, with a Gaussian error, within the wall; ``pose`` (3,) is the true one."""
     x, y, heading = config.start_error
     deviation = np.array([x, y, math.radians(heading)])
@@ -248,7 +248,7 @@ def _body(
 
 @lru_cache(maxsize=8)
 def _model(
-    curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: float, beacons: tuple[tuple[float, float], ...]
+    curve: Wall, angles: tuple[float, ...], drive: DriveName, friction: float, beacons: tuple[tuple[float, float], ...]
 ) -> mujoco.MjModel:
     return build_model(curve, angles, drive, friction, name=VEHICLE, beacons=beacons)
 
@@ -257,7 +257,7 @@ def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Arra
     """Record of the mission in config.json, with angles in radians."""
     return RangingRecord(
         field=mission.curve.name,
-        coefficients=mission.curve.coefficients,
+        **wall_record(mission.curve),
         angles=mission.angles,
         ranging=mission.ranging,
         odometry=mission.odometry,

@@ -27,6 +27,8 @@ from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import TOGETHER, NumberList
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
+from mathnavi.models.field.map_file import MapPlace, load_map
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
 from mathnavi.models.unicycle.mission import TICK
@@ -37,6 +39,7 @@ from mathnavi.sim.scenarios.redraw import ChanceFields
 _HALF_AXES = (3.763, math.sqrt(2.0))
 _START_ERROR = (0.3, 0.3, 17.0)
 _SHORTEST, _LONGEST = 0.5, 20.0  # [m] of a half-axis
+_FARTHEST = 1000.0  # [m] of a range in a building
 _MOST_SENSORS = 64
 _AROUND = 3.0  # [m] by which a robot may be outside the box around all beacons
 _AXES = f"two finite values from {_SHORTEST:g} to {_LONGEST:g} m"
@@ -63,12 +66,14 @@ SensorDirections = Annotated[
 class WallFields:
     """Fields of the wall."""
 
-    shape: Literal["ellipse", "egg", "bean", "fourier"] = "ellipse"
-    """shape of the wall; egg and bean have no further fields"""
+    shape: Literal["ellipse", "egg", "bean", "fourier", "map"] = "ellipse"
+    """shape of the wall; egg and bean have no further fields, a map has that of a building"""
     half_axes: HalfAxes = _HALF_AXES
     """half-axes c_1 and c_2 of an ellipse [m]"""
     coefficients: tuple[tuple[float, float, float, float], ...] = ()
     """coefficients A_X B_X A_Y B_Y of a fourier shape, given once for each harmonic k = 0, 1, ... [m]"""
+    map: MapPlace = ""
+    """map of a building: .json with rings, map.yaml of ROS, or a folder of map import; with the shape map"""
 
     def __post_init__(self) -> None:
         if self.half_axes != _HALF_AXES and self.shape != "ellipse":
@@ -78,13 +83,18 @@ class WallFields:
         if bool(self.coefficients) != (self.shape == "fourier"):
             allowed = "two rows or more" if self.shape == "fourier" else f"none with shape = {self.shape}"
             raise FieldError(f"field.coefficients = {self.coefficients!r}; allowed: {allowed}")
+        if bool(self.map) != (self.shape == "map"):
+            allowed = "a file or a folder" if self.shape == "map" else f"none with shape = {self.shape}"
+            raise FieldError(f"field.map = {self.map!r}; allowed: {allowed}")
+        if self.shape == "map":
+            return
         reach = float(np.abs(self.curve().polyline - self.curve().centre).max())
         if reach > _LONGEST:
             raise FieldError(f"field.coefficients: a wall {reach:.3g} m off its centre; allowed: up to {_LONGEST:g} m")
 
-    def curve(self) -> Curve:
-        """Curve of the wall; raises ValueError for coefficients that do not describe a wall."""
-        return _curve(self)
+    def curve(self) -> Wall:
+        """Wall of the field; raises ValueError for coefficients or a map that do not describe one."""
+        return load_map(self.map) if self.shape == "map" else _curve(self)
 
 
 @lru_cache(maxsize=32)
@@ -108,7 +118,7 @@ class RangingNoise:
     """fraction of single ranges that are lost"""
     outliers: Fraction = 0.0
     """fraction of single ranges that are outliers: any value up to the longest in sight"""
-    range_maximum: Annotated[Positive, Le(_LONGEST)] | None = None
+    range_maximum: Annotated[Positive, Le(_FARTHEST)] | None = None
     """greatest range of a sensor, beyond which a ray has no echo [m]; no limit if not given"""
     odometry_noise: Annotated[tuple[float, float], Each(Interval(ge=0.0, le=10.0), FINITE)] = (0.05, 0.05)
     """standard deviations of the odometry's speed [m/s] and turn rate [rad/s], per reading"""
@@ -180,7 +190,7 @@ class RangingMismatch:
     """factor of the standard deviation of a range"""
     outliers: Fraction = 0.0
     """fraction of single ranges that are outliers in addition to the declared ones"""
-    range_saturation: Annotated[Positive, Le(_LONGEST)] | None = None
+    range_saturation: Annotated[Positive, Le(_FARTHEST)] | None = None
     """range that a sensor reads in place of every longer one [m]; no saturation if not given"""
     mounting: Annotated[float, Interval(ge=-180.0, le=180.0), FINITE] = 0.0
     """angle by which the range sensors are turned off their directions, counter-clockwise [deg]"""

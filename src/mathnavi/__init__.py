@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from mathnavi.models.aerial.mission import FlightMission
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
+    from mathnavi.models.field.polygon import Polygon
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import sphere as Sphere  # noqa: N812
@@ -96,6 +97,7 @@ _PLACES = {
     "FeasibleSetBank": "scripting.localisation:feasible_set_bank",
     "PoseObserver": "scripting.localisation",
     "Curve": "models.field.curve",
+    "Polygon": "models.field.polygon",
     "ellipse": "models.field.curve",
     "wall_through": "scripting.localisation",
     # estimators over one's own log
@@ -177,6 +179,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "FeasibleSetBank",
     "PoseObserver",
     "Curve",
+    "Polygon",
     "ellipse",
     "wall_through",
     "estimate",

@@ -21,6 +21,7 @@ from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status, status_text
 from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
@@ -73,19 +74,19 @@ class PoseEstimate:
 class PoseObserver:
     """Estimator of a robot's pose, stepped through ranges and odometry.
 
-    ``wall`` is a closed curve: ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``. ``angles`` (l,) [rad] are
-    those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf, range_iekf,
-    range_ukf, range_particle or range_observer, and ``fields`` are its fields. ``range_noise`` [m] and
-    ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is the pose at the start if
-    it is known, and ``period`` [s] the usual length of a step. ``trust_units`` says that readings are right that fit
-    the wall in another unit or with another sign only.
+    ``wall`` is a closed curve, ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``, or a ``Polygon``. ``angles``
+    (l,) [rad] are those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf,
+    range_iekf, range_ukf, range_particle or, within a smooth curve, range_observer, and ``fields`` are its fields.
+    ``range_noise`` [m] and ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is
+    the pose at the start if it is known, and ``period`` [s] the usual length of a step. ``trust_units`` says that
+    readings are right that fit the wall in another unit or with another sign only.
 
     Raises PluginError for an unknown method, FieldError for a field or a value that is not allowed.
     """
 
     def __init__(
         self,
-        wall: Curve,
+        wall: Wall,
         angles: Sequence[float],
         *,
         method: str = "feasible_set_bank",
@@ -141,7 +142,7 @@ class PoseObserver:
         return short_table(f"{self._method}", rows)
 
 
-def feasible_set_bank(wall: Curve, angles: Sequence[float], **options: Any) -> PoseObserver:
+def feasible_set_bank(wall: Wall, angles: Sequence[float], **options: Any) -> PoseObserver:
     """Build the feasible-set bank (Definition C.9), a ``PoseObserver`` that finds the pose from any start.
 
     Its first readings determine on which set FS_y the pose is; Kalman filters start on it, and those that contradict

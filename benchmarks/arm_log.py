@@ -40,9 +40,9 @@ from mathnavi.sim.logs.formats import read_log
 from mathnavi.sim.logs.identification import identify
 from mathnavi.sim.plugin.registry import load
 
-CUTOFFS = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0, 36.0)  # [Hz]
+CUTOFFS = (4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 30.0, 36.0, 42.0, 46.0)  # [Hz]
 JERKS = (0.1, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0, 4.0)  # [rad/s^2.5] square roots of densities
-BANDWIDTHS = (15.0, 25.0, 35.0, 45.0, 55.0)  # [1/s]
+BANDWIDTHS = (15.0, 25.0, 35.0, 45.0, 55.0, 70.0, 90.0)  # [1/s]
 HALF_WINDOW, DEGREE = 0.1, 5
 SETTLED = 1.0  # [s] from the start of a log
 
@@ -168,11 +168,11 @@ def main() -> None:
     table = Table(title=f"velocity on {arguments.test}, tuned on {arguments.tune}", box=None)
     for heading in ("filter", "parameter", "error, RMS [rad/s]"):
         table.add_column(heading)
-    for name, (parameter, error) in found.items():
-        table.add_row(name, parameter, f"{error:.5f}")
+    for name, (parameter, rms) in found.items():
+        table.add_row(name, parameter, f"{rms:.5f}")
     Console(markup=False).print(table)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(json.dumps({name: error for name, (_, error) in found.items()}, indent=2))
+    arguments.out.write_text(json.dumps({name: rms for name, (_, rms) in found.items()}, indent=2))
 
 
 if __name__ == "__main__":

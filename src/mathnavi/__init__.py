@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from mathnavi.scripting.runs import available, make, run, study, sweep
     from mathnavi.scripting.safety_filter import SafetyFilter
     from mathnavi.sim.logs.formats import read_log
+    from mathnavi.sim.logs.identification import identify
     from mathnavi.sim.logs.recorded_log import Channel, RecordedLog
     from mathnavi.sim.plugin.registry import PluginSpec
     from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate, smoother
@@ -105,6 +106,7 @@ _PLACES = {
     "smoother": "sim.records.sensor_log",
     "SensorLog": "sim.records.sensor_log",
     "read_log": "sim.logs.formats",
+    "identify": "sim.logs.identification",
     "RecordedLog": "sim.logs.recorded_log",
     "Channel": "sim.logs.recorded_log",
     "EstimateHistory": "sim.records.sensor_log",
@@ -186,6 +188,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "smoother",
     "SensorLog",
     "read_log",
+    "identify",
     "RecordedLog",
     "Channel",
     "EstimateHistory",

@@ -31,6 +31,7 @@ COMMANDS = {
     "check": ("mathnavi.commands.check", "what fits of a model or a plug-in, and what is missing, before a run"),
     "log": ("mathnavi.commands.log", "what is in a log of others: channels, rates, gaps, ranges"),
     "map": ("mathnavi.commands.map", "walls of a building from laser scans or a map of ROS"),
+    "identify": ("mathnavi.commands.identify", "joints of an arm from its log: gains, rotor inertia, friction"),
     "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),
     "completion": ("mathnavi.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
 }
@@ -53,6 +54,7 @@ OPTIONS = {  # dataclass of a command's own flags
     "log show": "mathnavi.commands.log:LogShowOptions",
     "map import": "mathnavi.commands.map:MapImportOptions",
     "map show": "mathnavi.commands.map:MapShowOptions",
+    "identify": "mathnavi.commands.identify:IdentifyOptions",
     "terrain import": "mathnavi.commands.terrain:TerrainImportOptions",
     "terrain show": "mathnavi.commands.terrain:TerrainShowOptions",
 }

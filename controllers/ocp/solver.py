@@ -259,8 +259,9 @@ class Transcription:
             for columns in states:
                 limits[columns[columns >= 0]] = held[columns >= 0]
         limited = bounded_controls(problem)
-        own = arcs.control_bounds
-        fixed = ((own.lower == own.upper) | ~np.isfinite(own.upper - own.lower))[:, limited][arcs.of_interval]
+        of_controls = arcs.control_bounds
+        fixed = (of_controls.lower == of_controls.upper) | ~np.isfinite(of_controls.upper - of_controls.lower)
+        fixed = fixed[:, limited][arcs.of_interval]
         path = (arcs.path_bounds.lower == arcs.path_bounds.upper)[:, mixed_constraints(problem)][arcs.of_interval]
         many = len(fractions_between(self.scheme))  # what is held needs no bounds in between
         fixed = np.hstack([np.tile(fixed, (1, many)), path[:, : path.shape[1] * min(1, many)]])

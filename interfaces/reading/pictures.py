@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,7 @@ def check_pixels(width: int, height: int, path: Path, error: Refusal) -> None:
         raise error(f"{path}: {width} x {height} pixels; allowed: at most {MOST_PIXELS} in all")
 
 
-def read_picture(path: Path, error: Refusal, formats: Sequence[str] = ("PNG",)) -> tuple[Image.Image, Array]:
+def read_picture(path: Path, error: Refusal, formats: tuple[str, ...] = ("PNG",)) -> tuple[Image.Image, Array]:
     """Read a picture in one of Pillow's ``formats``, and its values (rows, cols) as stored, row 0 on top."""
     try:
         # A warning of pillow is either an error, or on a large map, which is allowed.

@@ -60,7 +60,7 @@ from mathnavi.sim.scenarios.textbook import VEHICLE as CAMERA
 from mathnavi.sim.sweep.trial import trial
 
 HALF_AXES = WallFields().half_axes  # [m]
-STANDARD = WallFields().curve()
+STANDARD = ellipse(*HALF_AXES)
 SENSORS: dict[str, tuple[float, ...]] = {
     "1": (0.0,),
     "2s": (-60.0, 60.0),

@@ -63,7 +63,7 @@ _STALE = 3  # rounds that do not halve what a constraint is missed by, before bo
 _MOST_BENT = 6  # rounds in which only a violated constraint adds nodes
 _ASTRAY = 1e-2  # least relative rise of J that the errors have to explain
 _COARSE = 1e-3  # sum of errors above which a structure is kept
-_NEAR = 1e-3  # sum of errors below which the next solution of the same structure is near
+_NEAR = 1e-3  # sum of errors below which the next solution is near, where no arcs have lengths to be found
 _LEAST = 1e-3  # of the tolerance: least limit of the defects
 _ROUNDING = 1e-9  # relative change of J that the solver's own tolerance leaves
 
@@ -191,7 +191,8 @@ def hp(
         if settled:
             rho *= 0.1 if fair and not smooth else 1.0
             mesh = meshed(current, own, errors, allowed, most_nodes, hard=plan.every)
-            following = _Plan(mesh, own, rho, plan.every, plan.near or errors.total <= _NEAR)
+            near = plan.near or (len(own) == 1 and errors.total <= _NEAR)
+            following = _Plan(mesh, own, rho, plan.every, near)
         else:
             mesh = HpMesh.from_solution(current).with_boundaries(seen.boundaries, most_nodes)
             following = _Plan(mesh, seen, rho, plan.every)

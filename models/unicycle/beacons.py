@@ -24,8 +24,8 @@ from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Sensor, StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
-from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import TICK, RangingMission, WheelOdometry
+from mathnavi.models.unicycle.motion import UnicycleMotion
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality
 
 RANGES, BEARINGS, DIFFERENCES = "beacon_ranges", "beacon_bearings", "beacon_differences"
@@ -54,7 +54,7 @@ class BeaconQuality:
 
 
 @configuration
-class BeaconMission:
+class BeaconMission(UnicycleMotion):
     """A robot that reads beacons at ``beacons`` (n, 2) [m].
 
     Raises MissionError if it reads nothing, if two beacons are at the same place, and for range differences to fewer
@@ -121,16 +121,6 @@ class BeaconMission:
             if quality is not None
         )
         return read if self.odometry_is_input else (*read, WheelOdometry(self.odometry, 1.0 / self.period))
-
-    @property
-    def begins(self) -> float | None:
-        """Time [s] of the known start; None if it is that of the first update."""
-        return None if self.start is None else self.start.t
-
-    def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """Pose (3,) [m, m, rad] after the input u (2,) [m/s, rad/s] was held for dt [s] from x (3,)."""
-        after: Array = integrate(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
-        return after
 
     def difference(self, x: Array, truth: Array) -> Array:
         """Estimate x (3,) minus the truth (3,) [m, m, rad]."""

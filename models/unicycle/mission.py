@@ -32,6 +32,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.motion import UnicycleMotion
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 
 
@@ -168,7 +169,7 @@ SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"
 
 
 @configuration
-class RangingMission:
+class RangingMission(UnicycleMotion):
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
     Raises MissionError without sensors, with two at the same angle, or with a known start that is not within the wall.
@@ -218,16 +219,6 @@ class RangingMission:
         if self.start is not None:
             return np.array(self.start.pose)
         return np.array([*self.curve.centre, 0.0])
-
-    @property
-    def begins(self) -> float | None:
-        """Time [s] of the known start; None if it is that of the first update."""
-        return None if self.start is None else self.start.t
-
-    def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """Pose (3,) [m, m, rad] after the input u (2,) [m/s, rad/s] was held for dt [s] from x (3,)."""
-        after: Array = integrate(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
-        return after
 
     def difference(self, x: Array, truth: Array) -> Array:
         """Estimate x (3,) minus the truth (3,) [m, m, rad], modulo the symmetry of the wall.

@@ -118,12 +118,12 @@ def test_a_ray_at_fault_is_named_left_out_and_used_again(kind: Any, ray: int, fa
     found = estimates(kind, drive, known=kind is not FeasibleSetBank)
     assert sure_and_wrong(found, drive) == 0.0
     named = [np.flatnonzero(each.extra["left_out"]).tolist() == [ray] for each in found[FIRST:LAST]]
-    assert np.mean(named) > 0.8
+    assert np.mean(named) > (0.8 if fault is stuck else 0.88)  # what is stuck is right until the robot has moved
     during = found[(FIRST + LAST) // 2]
     assert during.status is Status.DEGRADED
     assert f"ray {ray}" in during.message
     pairs = zip(found[FIRST:], drive.x[FIRST:], strict=True)
-    assert max(np.hypot(*(each.x - x)[:2]) for each, x in pairs if each.status.usable) < 0.25
+    assert max(np.hypot(*(each.x - x)[:2]) for each, x in pairs if each.status.usable) < 0.02
     assert found[-1].status is Status.OK
     assert not found[-1].extra["left_out"].any()
 

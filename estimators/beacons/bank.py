@@ -117,6 +117,15 @@ class BeaconBank:
         """Place of the heaviest."""
         return int(np.argmax(self.weights))
 
+    def heaviest(self, count: int) -> tuple[Array, Array]:
+        """Poses (count, 3) of the heaviest and logarithms (count,) of their weights over the largest; NaN if fewer."""
+        poses, scores = np.full((count, 3), np.nan), np.full(count, np.nan)
+        chosen = np.argsort(-self.weights, kind="stable")[:count]
+        poses[: len(chosen)] = self.x[chosen, :3]
+        if len(chosen):
+            scores[: len(chosen)] = np.log(np.maximum(self.weights[chosen] / self.weights[chosen[0]], 1e-300))
+        return poses, scores
+
     def moments(self) -> tuple[Array, Array]:
         """Mean (6,) and covariance (6, 6) of all; headings relative to that of the heaviest."""
         if len(self.weights) == 1:

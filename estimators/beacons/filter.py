@@ -38,6 +38,7 @@ _RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of
 _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is not known any more
 _SHARE = 3.0  # standard deviations by which more readings may be refused than are declared as outliers
 _COUNTED = 100  # readings over which that is
+_SHOWN = 16  # hypotheses that an estimate carries
 
 
 @configuration
@@ -122,8 +123,9 @@ class BeaconFilter:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces odometry that there never was.
 
         ``extra["nis"]`` (2,) is NIS and the number of readings in it, NaN where there was no update,
-        ``extra["hypotheses"]`` (1,) the number of filters, ``extra["scales"]`` (3,) the scale errors of speed, turn
-        rate and ranges; ``extra`` also counts the readings that were not used.
+        ``extra["hypotheses"]`` (16, 3) the poses of the heaviest filters and ``extra["scores"]`` (16,) the logarithms
+        of their weights over the largest, NaN where there are fewer; ``extra["scales"]`` (3,) the scale errors of
+        speed, turn rate and ranges; ``extra`` also counts the readings that were not used.
         """
         self._count(measurements)
         if any(self.model.odometry(each) is not None for each in measurements):
@@ -224,9 +226,11 @@ class BeaconFilter:
             x, P = self.bank.moments()
             P = P * self._monitor.inflation
         status, message = self._status(t, P[:3, :3])
+        poses, scores = self.bank.heaviest(_SHOWN)
         extra = {
             "nis": self._nis.copy(),
-            "hypotheses": np.array([float(len(self.bank.weights))]),
+            "hypotheses": poses,
+            "scores": scores,
             "scales": x[3:].copy(),
             **self.counts.extra,
         }

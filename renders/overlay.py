@@ -14,7 +14,14 @@ from mathnavi.renders.palette import COLOURS, Colour, Picture, SceneElement
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
 DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
-    (SceneElement.RADAR, SceneElement.ESTIMATE, SceneElement.HYPOTHESIS, SceneElement.BELIEVED, SceneElement.REFERENCE),
+    (
+        SceneElement.RADAR,
+        SceneElement.BEACON,
+        SceneElement.ESTIMATE,
+        SceneElement.HYPOTHESIS,
+        SceneElement.BELIEVED,
+        SceneElement.REFERENCE,
+    ),
     (SceneElement.COMPLETION, SceneElement.LOST_RAY),
     (SceneElement.FORCE, SceneElement.VELOCITY, SceneElement.TRUE_VELOCITY, SceneElement.FOUND_VELOCITY),
     (SceneElement.TARGET,),

@@ -34,6 +34,7 @@ class SceneElement(Enum):
     BELIEVED = "ends of rays, as believed"
     RAY = "rays and readings"
     LOST_RAY = "lost ray"
+    BEACON = "beacon"
     IMAGE = "indistinguishable pose"
     TARGET_PATH = "path of the target"
     TRUE_PATH = "truth"
@@ -58,6 +59,7 @@ COLOURS: dict[SceneElement, Colour] = {
     SceneElement.DRIVEN: (1.00, 0.50, 0.05),
     SceneElement.ESTIMATE: (0.05, 0.42, 0.95),
     SceneElement.SPREAD: (0.05, 0.42, 0.95),
+    SceneElement.BEACON: (0.93, 0.68, 0.10),
     SceneElement.HYPOTHESIS: (0.86, 0.10, 0.72),
     SceneElement.BELIEVED: (0.05, 0.42, 0.95),
     SceneElement.RAY: (0.02, 0.58, 0.47),

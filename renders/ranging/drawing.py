@@ -89,7 +89,7 @@ def annotations_of(run: RangingRun) -> list[Annotation]:
         first = int(np.flatnonzero(left)[0])
         shown.append((float(run.beliefs.t[first]), f"{left[first]} poses explain what it sees"))
         if (moment := _agreed(run)) is not None:
-            shown.append((moment, "one is left, and its image" if run.curve.symmetry > 1 else "one is left"))
+            shown.append((moment, "one is left, and its image" if run.symmetry > 1 else "one is left"))
     elif run.found is not None:
         shown.append((run.found, "found itself"))
     changes = [event for event in run.log.events if event.kind == "estimator-status"]
@@ -118,12 +118,12 @@ def overlay(run: RangingRun, frame: Frame) -> Overlay:
     config, k = run.log.config, run.belief(frame.t)
     named = config.get("estimator", {}).get("name", "no estimator named")
     estimator = called("estimators", named).rpartition(":")[2].replace("_", " ")
-    l = run.mission.sensors  # noqa: E741
+    count, seen = (run.mission.sensors, "range sensor") if run.reads_walls else (len(run.beacons), "beacon")
     title = [
         f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}",
-        f"{run.curve.name} · {l} range sensor{'s' if l > 1 else ''} · {run.drive} drive",
+        f"{run.curve.name} · {count} {seen}{'s' if count > 1 else ''} · {run.drive} drive",
     ]
-    if run.curve.symmetry != 1:
+    if run.symmetry != 1:
         title.append("errors modulo the symmetry of the wall")
     place, heading, place_note, heading_note = "–", "–", "", ""
     if k >= 0:
@@ -160,13 +160,14 @@ def _legend(run: RangingRun) -> list[SceneElement]:
     beliefs = run.beliefs
     return [
         SceneElement.DRIVEN,
-        SceneElement.RAY,
-        *([SceneElement.LOST_RAY] if np.isnan(run.ranges).any() else []),
+        *([SceneElement.RAY] if run.reads_walls or len(run.beacons) else []),
+        *([SceneElement.LOST_RAY] if run.reads_walls and np.isnan(run.ranges).any() else []),
+        *([SceneElement.BEACON] if len(run.beacons) else []),
         SceneElement.ESTIMATE,
         *([SceneElement.SPREAD] if beliefs.covariance is not None else []),
         *([SceneElement.HYPOTHESIS] if beliefs.hypotheses is not None else []),
         *([SceneElement.BELIEVED] if beliefs.z is not None else []),
-        *([SceneElement.IMAGE] if run.curve.symmetry > 1 else []),
+        *([SceneElement.IMAGE] if run.symmetry > 1 else []),
     ]
 
 

@@ -63,7 +63,7 @@ def _headline(run: RangingRun, title: str) -> Headline:
         tiles["mean NEES, last quarter (3 if consistent)"] = page.number(summary["nees_mean"])
     if summary.get("efficiency") is not None:
         tiles["position error over the Cramér-Rao bound"] = page.number(summary["efficiency"])
-    symmetric = " The wall is symmetric: errors are those modulo its rotations." if run.curve.symmetry != 1 else ""
+    symmetric = " The wall is symmetric: errors are those modulo its rotations." if run.symmetry != 1 else ""
     return Headline(title, f"The robot {verdict(run)}.{symmetric}", good, tiles)
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from mathnavi.interfaces.errors import RunFolderError
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.field.wall import Wall
+from mathnavi.models.unicycle.beacons import BeaconFieldMission
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.renders.logged_run import LoggedRun
@@ -46,6 +48,26 @@ class RangingRun(LoggedRun):
     def curve(self) -> Wall:
         """The wall."""
         return self.mission.curve
+
+    @property
+    def beacons(self) -> Array:
+        """Places (m, 2) [m] of the beacons that the robot reads; none in most runs."""
+        mission = self.mission
+        return mission.beacons.places if isinstance(mission, BeaconFieldMission) else np.empty((0, 2))
+
+    @cached_property
+    def reads_walls(self) -> bool:
+        """True if there is a range to the wall in the log, or nothing else to read."""
+        return bool(np.isfinite(self.ranges).any()) or not len(self.beacons)
+
+    @property
+    def symmetry(self) -> int:
+        """Number of poses from which the robot reads the same, 0 for a continuum; beacons leave one."""
+        return 1 if len(self.beacons) else self.curve.symmetry
+
+    def images(self, pose: Array) -> Array:
+        """Poses (k, 3) from which the robot would read the same as from a pose (3,), which is the first."""
+        return self.curve.images(pose)[: 1 if len(self.beacons) else None]
 
     @cached_property
     def true_ranges(self) -> Array:
@@ -123,18 +145,18 @@ class RangingRun(LoggedRun):
 
     @cached_property
     def image(self) -> int:
-        """Index of the image (``curve.images``) of the truth nearest to the last estimate; 0 is the truth itself."""
-        if self.curve.symmetry < 2 or not len(self.beliefs.x):
+        """Index of the image (``images``) of the truth nearest to the last estimate; 0 is the truth itself."""
+        if self.symmetry < 2 or not len(self.beliefs.x):
             return 0
-        distance = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
+        distance = self.images(self.believed_at[-1]) - self.seen_as[-1]
         return int(np.argmin(np.square(distance[:, :2]).sum(axis=1) + np.square(np.sin(0.5 * distance[:, 2]))))
 
     @cached_property
     def mirrored(self) -> Array:
         """(k, 3) that image of the true poses, heading unwrapped; in a circle, which has them all, ``seen_as``."""
-        if self.curve.symmetry == 0:
+        if self.symmetry == 0:
             return self.seen_as
-        poses = np.array([self.curve.images(pose)[self.image] for pose in self.believed_at]).reshape(-1, 3)
+        poses = np.array([self.images(pose)[self.image] for pose in self.believed_at]).reshape(-1, 3)
         poses[:, 2] = np.unwrap(poses[:, 2])
         return poses
 
@@ -206,7 +228,9 @@ def load_run(directory: str | Path) -> RangingRun:
 
 
 def _mission(record: RangingRecord) -> RangingMission:
-    return RangingMission(
+    beacons = record.beacons
+    kind: Any = RangingMission if beacons is None else partial(BeaconFieldMission, beacons=beacons)
+    mission: RangingMission = kind(
         curve=record.wall(),
         angles=record.angles,
         ranging=record.ranging,
@@ -217,3 +241,4 @@ def _mission(record: RangingRecord) -> RangingMission:
         margin=record.margin,
         period=record.period,
     )
+    return mission

@@ -75,7 +75,9 @@ class RangingScene(Staged):
         stage.begin(fog=False)
         stage.disc(np.array([*stage.data.qpos[:2], SHADE_HEIGHT]), np.full(2, SHADE_RADIUS), 0.0, SHADE)
         self._add_paths(t, camera)
-        self._add_rays(t, camera)
+        if run.reads_walls:
+            self._add_rays(t, camera)
+        self._add_beacons(t, camera)
         self._add_images(t, camera)
         self._add_hypotheses(t, camera)
         self._add_estimate(t, camera)
@@ -132,9 +134,17 @@ class RangingScene(Staged):
             if not lost:
                 self._add_dot(pose[:2] + reading * along, SceneElement.RAY, 6.0)
 
+    def _add_beacons(self, t: float, camera: str) -> None:
+        """Add each beacon, and a line to it from the robot."""
+        here = self.run.joints(t)[:2]
+        for place in self.run.beacons:
+            line = _lifted(np.array([here, place]), SENSOR_HEIGHT)
+            self.stage.line(line, pale(COLOURS[SceneElement.RAY], 0.6), 0.65 * LINE[camera])
+            self._add_dot(place, SceneElement.BEACON, 16.0)
+
     def _add_images(self, t: float, camera: str) -> None:
         """The outline of the robot wherever it would read the same."""
-        for image in self.run.curve.images(self.run.joints(t)[:3])[1:]:
+        for image in self.run.images(self.run.joints(t)[:3])[1:]:
             points = _lifted(shapes.outline(image), self._height)
             self.stage.line(points, COLOURS[SceneElement.IMAGE], 0.6 * LINE[camera])
 

@@ -190,7 +190,7 @@ def _beliefs(run: RangingRun) -> list[Lines]:
                 ends[-1].append(lifted(np.array([beliefs.x[k, :2], place]), SENSOR_HEIGHT))
     t, end = beliefs.t[chosen], run.duration
     rows = thinned_rows(len(run.t), MOST_FRAMES)
-    images = [[lifted(shapes.outline(image), MARKS) for image in run.curve.images(run.pose[row])[1:]] for row in rows]
+    images = [[lifted(shapes.outline(image), MARKS) for image in run.images(run.pose[row])[1:]] for row in rows]
     return [
         *sequence(Layer.for_element(SceneElement.ESTIMATE), spread, t, end, 2.0),
         *sequence(Layer.for_element(SceneElement.HYPOTHESIS), guesses, t, end, 2.0, opacities=strengths),

@@ -8,6 +8,7 @@ from typing import Any
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.field.wall import Ring, Wall
+from mathnavi.models.unicycle.beacons import BeaconMission
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.records.missions import Point
@@ -33,6 +34,7 @@ class RangingRecord:
     friction: float  # [-]
     start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
     rings: tuple[Ring, ...] = ()  # [m] corners of a polygon's rings, the outer one first; () of a curve
+    beacons: BeaconMission | None = None  # None: it reads none
     outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges
 
     def wall(self) -> Wall:

@@ -269,5 +269,6 @@ def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Arra
         period=mission.period,
         drive=config.drive,
         friction=config.friction,
+        beacons=mission.beacons if isinstance(mission, BeaconFieldMission) else None,
         outage=config.outage,
     )

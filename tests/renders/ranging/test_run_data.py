@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.commands.cli import main
 from mathnavi.interfaces.signals import Status
 from mathnavi.models.field.curve import BEAN
 from mathnavi.renders.drawing import drawing_of
-from mathnavi.renders.ranging.drawing import drawing
+from mathnavi.renders.film import Frame
+from mathnavi.renders.ranging.drawing import drawing, overlay
 from mathnavi.renders.ranging.run_data import RangingRun, load_run
 from tests.renders.ranging.believers import CALM, ELSEWHERE, FIRST_ERROR, LOSS, LOWEST, SILENT, START
 
@@ -28,6 +30,22 @@ def test_the_mission_is_what_was_driven_in(bank_run: RangingRun, observer_run: R
     error = (bank_run.ranges - bank_run.true_ranges)[read] / bank_run.true_ranges[read]
     assert np.std(error) == pytest.approx(0.05, rel=0.2)
     assert not read[(bank_run.t > 2.0) & (bank_run.t < 3.0)].any()
+
+
+def test_a_robot_that_reads_beacons_finds_itself_and_is_the_one(tmp_path: Path) -> None:
+    """From ranges to beacons the heading shows only once the robot drives: it may not wait for it."""
+    places = [[2.0, 0.8], [-2.0, -0.5], [0.0, 1.2]]
+    flags = [word for place in places for word in ("--beacons.places", *map(str, place))]
+    words = ["run", "range-localisation", "--estimator", "beacon_bank", "--duration", "5", "--seed", "2", *flags]
+    assert main([*words, "--beacons.range-noise", "0.05", "--out", str(tmp_path / "run")]) == 0
+    run = load_run(tmp_path / "run")
+    assert run.beacons.tolist() == places
+    assert (run.curve.symmetry, run.symmetry, len(run.images(run.pose[0]))) == (2, 1, 1)
+    assert run.found is not None
+    assert run.found < 3.0
+    assert np.ptp(run.pose[:, :2], axis=0).max() > 0.3
+    assert not run.reads_walls
+    assert "3 beacons" in " ".join(overlay(run, Frame(1.0, "top", 0.0, 0.0)).title)
 
 
 def test_errors_are_those_of_the_estimates(bank_run: RangingRun) -> None:

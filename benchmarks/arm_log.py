@@ -1,4 +1,4 @@
-"""Joint velocities from the log of a real arm: the default observer beside filters that are tuned on another log.
+"""Joint velocities from the log of a real arm: the default observer and filters that are tuned on another log.
 
     python -m benchmarks.arm_log --tune LOG --test LOG --mechanism NAME|FILE.xml --position SIGNALS --inputs SIGNALS
 

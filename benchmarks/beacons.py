@@ -1,4 +1,4 @@
-"""Robots among beacons, on published logs: filter and smoother of ``beacon_bank``, beside GTSAM's batch smoother.
+"""Robots among beacons, on published logs: filter and smoother of ``beacon_bank``, and GTSAM's batch smoother.
 
     python -m benchmarks.beacons --data FOLDER [--only plaza mrclam]
 

@@ -53,7 +53,7 @@ class Structure:
         """Limits of controls (A, nu), path constraints (A, nd) and bounded states (A, nb), equal where held.
 
         With ``determined``, controls have no bounds where constraints on states alone determine them, as many as there
-        are controls in their rates: near a solution, bounds besides keep a solver from it.
+        are controls in their rates: near a solution, further bounds keep a solver from it.
         """
         own, path, states = np.split(self.held, [problem.nu, problem.nu + len(problem.path_bounds.lower)], axis=1)
         bounded, controls = bounded_states(problem), _held_to(own, problem.control_bounds)

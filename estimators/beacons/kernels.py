@@ -1,7 +1,7 @@
 """Extended Kalman filters of a unicycle that reads beacons, several side by side, compiled.
 
 The state is the pose with three constant errors, (x_1, x_2, phi, b_1, b_2, c): those of the odometry's scale,
-u_i = (1 - b_i) u_i_measured, and that of all ranges, (1 + c) rho. The odometry has white noise besides, so that what it
+u_i = (1 - b_i) u_i_measured, and that of all ranges, (1 + c) rho. The odometry also has white noise, so that what it
 adds over h [s] has the covariance h diag(w_1, w_2) in (distance, turn). With F, G the derivatives of the exact motion,
 
     P <- A P A' + G diag(w) G' / h.

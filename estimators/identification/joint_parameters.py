@@ -1,7 +1,7 @@
 """Parameters of the joints of a mechanism from its motion and the inputs of its motors, by linear least squares.
 
 At the positions q, velocities v and accelerations a of a motion, the motor of joint j moves what the links need, the
-inertia of its own rotor, and its friction:
+inertia of its rotor, and its friction:
 
     k_j u_j + o_j  =  tau_j(q, v, a) + J_j a_j + d_j v_j + f_j sign(v_j),
 

@@ -1,4 +1,4 @@
-"""Covariance of the errors of the observer (C.5): it has gains and no covariance of its own.
+"""Covariance of the errors of the observer (C.5): it has gains and no covariance.
 
 Near the truth its errors follow its own linearisation. With e_z the error of z at the window's centre, e_x that of the
 pose there, which counts where rays are lost, n the errors of the fitted ranges, n' those of the fitted range rates,

@@ -22,7 +22,7 @@ FINEST, COARSEST = 1e-3, 10.0
 
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
-    """States of cells (rows, columns), row 0 the lowest y, in axes of their own that ``origin`` has in the map's.
+    """States of cells (rows, columns), row 0 the lowest y, in their own axes, whose ``origin`` is in the map's.
 
     Raises ArgumentError for a side, an origin or states that are not allowed.
     """

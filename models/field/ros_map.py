@@ -1,4 +1,4 @@
-"""Maps of ROS, as ``map_server`` reads and writes them: a text ``map.yaml`` beside a picture in PNG or PGM.
+"""Maps of ROS, as ``map_server`` reads and writes them: a text ``map.yaml`` with a picture in PNG or PGM.
 
 With p the share of black of a pixel, or of white with ``negate``, a cell is occupied where p > occupied_thresh, free
 where p < free_thresh and unknown between, or with ``mode: scale`` also where the picture is transparent. With ``mode:

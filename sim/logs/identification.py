@@ -82,7 +82,7 @@ def _joint_log(
     given: str | Path | RecordedLog, position: str | Sequence[str], inputs: str | Sequence[str],
     units: Mapping[str, str], disorder: Disorder,
 ) -> JointLog:  # fmt: skip
-    """Positions and inputs as sensors of one log; inputs with stamps of their own are interpolated to the positions."""
+    """Positions and inputs as sensors of one log; inputs with other stamps are interpolated to the positions."""
     recorded = _recorded(given)
     own = recorded.sensor_log(readings={POSITION: position, INPUTS: inputs}, units=units, disorder=disorder)
     q, u = own.readings[POSITION], own.readings[INPUTS]

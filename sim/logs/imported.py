@@ -207,7 +207,7 @@ def sensor_log_of(folder: Path) -> SensorLog:
 def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str, Any]) -> ImportedLog:
     """Return the content of the folder of a run with the estimates of another estimator over its log.
 
-    ``estimator`` is its record in config.json. The summary has its figures beside the reference, if the log has one of
+    ``estimator`` is its record in config.json. The summary has its figures against the reference, if the log has one of
     as many numbers (``mathnavi.sim.records.reference_figures``).
     """
     log = read_log(folder)

@@ -1,4 +1,4 @@
-"""Figures of estimates beside a reference, what another system found at the same times.
+"""Errors of estimates against a reference, what another system found at the same times.
 
 An estimate is *sure and wrong* where its status says that it may be used and its error is beyond what its covariance
 allows in all but one of a thousand cases: e' P^-1 e above the 0.999 quantile of chi-square. The errors of the reference

@@ -289,7 +289,7 @@ def _next(
 
     That is the same plan, if it has arcs, from as near as the current solution is; with all controls smoothed; without
     arcs; or the last mesh with a point more. A solution has gone astray to another minimum where its J is larger than
-    the errors of the current one explain. The last result is True if the plan was solved as it is.
+    the errors of the current one explain. The last result is True if no easier plan was needed.
     """
     dearest = current.cost + size_of_cost(current) * max(_ASTRAY, 10.0 * errors.total)
     timing, weight, without = Timing(), _SMOOTHING * abs(current.cost), without_structure(problem)

@@ -2,7 +2,7 @@
 folder of a run that was imported from one.
 
 It is ``mathnavi.estimate`` over ``SensorLog.from_csv`` or over the readings of the folder: prints the same, and writes
-the estimates; those of a folder as the folder of a run, with its figures beside the reference.
+the estimates; those of a folder as the folder of a run, with its figures against the reference.
 """
 
 from __future__ import annotations

@@ -165,7 +165,7 @@ def _scans(log: RecordedLog, wanted: str | None) -> tuple[str, float]:
             f"channel = {wanted!r}: no scans with poses; allowed: {', '.join(found) or 'none in this log'}"
         )
     if not found:
-        raise FieldError(f"{log.source}: no scans with poses of their own; allowed: a log whose poses were corrected")
+        raise FieldError(f"{log.source}: no scans with poses; allowed: a log whose poses were corrected")
     if wanted is None and len(found) > 1:
         raise FieldError(f"channel is missing, and several have scans; allowed: {', '.join(found)}")
     name = wanted or found[0]

@@ -170,7 +170,7 @@ def main() -> None:
         table.add_column(heading)
     for name, (parameter, rms) in found.items():
         table.add_row(name, parameter, f"{rms:.5f}")
-    Console(markup=False).print(table)
+    Console(markup=False, emoji=False).print(table)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     arguments.out.write_text(json.dumps({name: rms for name, (_, rms) in found.items()}, indent=2))
 

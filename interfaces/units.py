@@ -1,4 +1,4 @@
-"""Units by their usual symbols: what a number in such a unit is multiplied by to be in SI units, angles in radians.
+"""Units by their usual symbols: the SI unit of each, angles in radians, and what a number is multiplied by to be in it.
 
 A unit is a product of symbols with exponents: "deg/s", "m/s^2", "m s-2", "rad s^-1", "N m", "mm", "°/s", "km/h". "g" is
 the standard acceleration of gravity, as data sheets of accelerometers have it, and never a gram.
@@ -48,6 +48,23 @@ _SYMBOLS = {
     },
     **{name: factor for factor, names in _OTHERS.items() for name in names.split()},
 }
+_EXPRESSED = {  # SI units with their exponents, and the symbols that are multiples of these
+    (("s", 1),): "sec second seconds min minute h hour",
+    (("rad", 1),): "deg ° degree degrees rev turn turns radian radians",
+    (("rad", 1), ("s", -1)): "dps degps rpm RPM",
+    (("m", 1),): "ft foot feet in inch yd mi nmi meter meters metre metres",
+    (("m", 1), ("s", -1)): "kn kt mph kmh kph mps",
+    (("m", 1), ("s", -2)): "g",
+    (("N", 1), ("m", 1)): "Nm",
+    (("N", 1),): "lbf",
+    (): "1",
+}
+_BASES = {name: parts for parts, names in _EXPRESSED.items() for name in names.split()}
+_BASES |= {
+    f"{prefix}{name}": _BASES.get(name, ((name, 1),))
+    for name, (_, prefixes) in _PREFIXED.items()
+    for prefix in ("", *prefixes)
+}
 _SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴", "-01234")
 _FACTOR = re.compile(r"([^\W\d_]+0?|°|1)(?:(?:\^|\*\*)?\(?([+-]?\d)\)?)?")
 _BETWEEN = re.compile(r"\s*(\*|·|⋅|\.|/|\s)\s*")
@@ -59,17 +76,38 @@ def si_factor(unit: str) -> float | None:
 
     "-" and "" are those of a number without a unit.
     """
+    found = _parsed(unit)
+    return None if found is None else found[0]
+
+
+def si_unit(unit: str) -> str | None:
+    """Return the SI unit of a unit, "m/s^2" of "g"; "" without one, None for a text that is no unit known here."""
+    found = _parsed(unit)
+    if found is None:
+        return None
+    above, below = (
+        [name if abs(power) == 1 else f"{name}^{abs(power)}" for name, power in found[1].items() if power * sign > 0]
+        for sign in (1, -1)
+    )
+    return "/".join([" ".join(above) or "1", *below]) if above or below else ""
+
+
+def _parsed(unit: str) -> tuple[float, dict[str, int]] | None:
+    """Factor to SI units of a unit, and these with their exponents."""
     text = unit.strip().translate(_SUPERSCRIPTS).replace("µ", "u").replace("μ", "u")
     if text in ("", "-"):
-        return 1.0
+        return 1.0, {}
     factor, power, place = 1.0, 1, 0
+    units: dict[str, int] = {}
     while found := _FACTOR.match(text, place):
         symbol, exponent = found[1], int(found[2] or 1)
         if symbol not in _SYMBOLS or (symbol == "ms" and exponent != 1):  # "ms^-1" may be m/s
             return None
         factor *= _SYMBOLS[symbol] ** (power * exponent)
+        for name, own in _BASES.get(symbol, ((symbol, 1),)):
+            units[name] = units.get(name, 0) + power * exponent * own
         if (place := found.end()) == len(text):
-            return factor
+            return factor, units
         between = _BETWEEN.match(text, place)
         if between is None or (power == -1 and between[1] != "/"):  # "m/s m" may be m m/s
             return None

@@ -109,7 +109,7 @@ def video_begun(
 
 def counted(pictures: Iterable[Picture], name: str, total: int, shown: bool) -> Generator[Picture]:
     """The pictures as they come, counted on standard error if ``shown``: by a bar, or by lines without a terminal."""
-    console = Console(stderr=True, markup=False)
+    console = Console(stderr=True, markup=False, emoji=False)
     bar = Progress(
         TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         console=console, disable=not (shown and console.is_terminal),

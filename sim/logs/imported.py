@@ -22,6 +22,7 @@ from mathnavi.interfaces.reading_counts import unused_text
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signal_names import SignalNames, name_and_unit
 from mathnavi.interfaces.signals import Array, Estimate, Event
+from mathnavi.interfaces.units import si_unit
 from mathnavi.models.angles import wrapped
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.logs.recorded_log import Channel, Disorder, RecordedLog
@@ -84,6 +85,11 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
             raise LogError(f"{log.source}: {len(states)} names of {found.readings['reference'].shape[1]} references")
         if not np.isfinite(found.readings["reference"]).all(axis=1).any():
             raise LogError(f"{log.source}: the reference has no reading; allowed: one or more")
+        notes += [
+            f"the reference {name!r} has no unit; an angle is compared as one if it is called {f'{name} [rad]'!r}"
+            for name in states
+            if not name_and_unit(name)[1]
+        ]
         truth, kept = _interpolated(found.t, found.readings["reference"], states, t)
         if (left := int(np.logical_not(kept).sum())) > 0:
             notes.append(f"{counted(left, 'sample')} before or after the reference left out")
@@ -145,7 +151,7 @@ def _names(log: RecordedLog, wanted: Sequence[str], units: Mapping[str, str]) ->
     for channel, k in log.places(wanted):
         name, unit = name_and_unit(log.channels[channel].signals[k])
         unit = given.get((channel, k), unit)
-        si = {"deg": "rad", "mm": "m", "cm": "m", "deg/s": "rad/s"}.get(unit, unit)
+        si = si_unit(unit)
         found.append(f"{name} [{si}]" if si else name)
     return tuple(found)
 
@@ -173,14 +179,25 @@ def _events(channels: Mapping[str, Channel], notes: Sequence[str]) -> list[Event
             message = f"{name}: {longest}, the longest {timing.longest_gap:.3g} s"
             events.append(Event(timing.longest_gap_at, VEHICLE, _GAP, message))
         if timing.first_late is not None:
-            message = f"{name}: {counted(timing.late, 'stamp')} before an earlier one, the first number"
+            message = f"{name}: {counted(timing.late, 'stamp')} before an earlier one, the first is reading"
             at = float(channel.t[timing.first_late])
             events.append(Event(at, VEHICLE, "log-disorder", f"{message} {timing.first_late}"))
         if timing.doubled:
             message = f"{name}: {counted(timing.doubled, 'stamp')} that an earlier reading has"
-            events.append(Event(timing.first, VEHICLE, "log-disorder", message))
+            again = _first_doubled(channel.t)
+            events.append(
+                Event(float(channel.t[again]), VEHICLE, "log-disorder", f"{message}, the first is reading {again}")
+            )
     events += [Event(-np.inf, VEHICLE, _NOTE, note) for note in notes]
     return sorted(events, key=lambda event: event.t)
+
+
+def _first_doubled(t: Array) -> int:
+    """Index of the first stamp of t (n,) that an earlier one equals; there is one."""
+    _, firsts = np.unique(t, return_index=True)
+    again = np.ones(len(t), dtype=bool)
+    again[firsts] = False
+    return int(np.argmax(again))
 
 
 def is_imported(folder: Path) -> bool:

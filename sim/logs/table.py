@@ -65,7 +65,10 @@ class TableLog:
         units = dict(each.split("=", 1) for each in config.units)
         found = read_log_columns(path, config.time, wanted, config.time_unit, units, config, increasing=False)
         notes = [*found.notes, *(f"column {name!r} not read, which holds no numbers" for name in left)]
-        channel = Channel(found.t, found.values, tuple(bare(found.names)))
+        signals = (
+            f"{name} [{unit}]" if unit else name for name, unit in zip(bare(found.names), found.units, strict=True)
+        )
+        channel = Channel(found.t, found.values, tuple(signals))
         if np.isnan(found.values).all(axis=0).any():
             empty = [
                 name for name, column in zip(channel.signals, found.values.T, strict=True) if np.isnan(column).all()

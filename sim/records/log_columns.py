@@ -46,6 +46,7 @@ class LogColumns:
     values: Array  # (n, k) in SI units; NaN where there is none
     lines: NDArray[np.int64]  # (n,) of the file
     names: tuple[str, ...]  # of the k columns in the file
+    units: tuple[str, ...]  # SI units of the k columns, "" where none is known
     notes: tuple[str, ...]
 
 
@@ -85,6 +86,9 @@ def read_log_columns(
     factors = [
         _factor(path, name, own, given.get(name), notes) for name, own in zip(header[1:], stated[1:], strict=True)
     ]
+    in_si = tuple(
+        symbols.si_unit(given.get(name) or own or "") or "" for name, own in zip(header[1:], stated[1:], strict=True)
+    )
     exact = _exact(path, head, time_place, unit, form)
     numbers = [*places] if exact else [time_place, *places]
     table = read_table(path, form, head, numbers, [time_place] if exact else [], LogError)
@@ -99,7 +103,7 @@ def read_log_columns(
     _check_times(path, t, table.lines, header[0], increasing=increasing)
     if any(factor != 1.0 for factor in factors):
         values = values * np.array(factors)
-    return LogColumns(t, start, values, table.lines, tuple(header[1:]), (*notes, *table.notes))
+    return LogColumns(t, start, values, table.lines, tuple(header[1:]), in_si, (*notes, *table.notes))
 
 
 def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableFormat) -> list[int]:

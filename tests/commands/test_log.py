@@ -29,7 +29,7 @@ def test_it_says_what_is_irregular_and_what_the_numbers_are(table: Path, capsys:
     assert "table: reading 3 is late, at 0.03 s after 0.04 s" in said
     assert "table: 1 gap of more than 1.5 periods, the longest 0.02 s, from 0.01 s on" in said
     assert "stuck 7.5 7.5 7.5 - 0.04 0" in said
-    assert "v 0.2778 0.5556 0.8333 - 0.02 0.01" in said
+    assert "v m/s 0.2778 0.5556 0.8333 - 0.02 0.01" in said
 
 
 @pytest.mark.parametrize(
@@ -65,3 +65,10 @@ def test_help_is_that_of_the_format(table: Path, capsys: pytest.CaptureFixture[s
         assert flag in capsys.readouterr().out
     assert main(["log", "--help"]) == 0
     assert "carmen" in capsys.readouterr().out
+
+
+def test_names_between_colons_are_no_pictures(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A console that knows emoji shows a car in place of the middle of this name."""
+    table.rename("a:car:b.csv")
+    assert main(["log", "show", "a:car:b.csv", "--sep", ";", "--decimal", ",", "--time", "ms", "--time-unit", "ms"]) == 0
+    assert capsys.readouterr().out.startswith("a:car:b.csv: table")

@@ -110,6 +110,30 @@ def test_what_cannot_be_imported_is_one_line_and_leaves_nothing(
     assert not (mower / "run").exists()
 
 
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_a_reference_has_the_units_of_its_columns(mower: Path, unit: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A heading that crosses pi is compared as an angle, and stamps that are doubled are events where they are."""
+    t, heading = 0.1 * np.arange(80), np.mod(3.0 + 0.01 * np.arange(80) + np.pi, 2.0 * np.pi) - np.pi
+    shown = heading if unit == "rad" else np.degrees(heading)
+    rows = [f"{t[k]:.1f},{k % 7},0.5,1,{shown[k]:.6f}" for k in range(80)]
+    rows.insert(51, rows[50])
+    Path("cart.csv").write_text("\n".join([f"t [s],range,x [m],y [m],heading [{unit}]", *rows, ""]))
+    words = ["log", "import", "cart.csv", "--readings", "beacon_ranges=range", "--reference", "x,y,heading"]
+    assert main([*words, "--disorder", "sort", "--out", "run"]) == 0
+    assert "no unit" not in capsys.readouterr().out
+    log, signals = read_log(Path("run")), read_signal_names(Path("run"))["vehicle"]
+    assert signals.states == ("x [m]", "y [m]", "heading [rad]")
+    assert log.x[:, 2] == pytest.approx(heading, abs=1e-6)
+    assert [event.t for event in log.events if event.kind == "log-disorder"] == pytest.approx([5.0])
+
+
+def test_a_reference_without_a_unit_is_said(mower: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("cart.csv").write_text("t,range,heading\n0,1,3.1\n1,2,-3.1\n2,3,-3\n")
+    words = ["log", "import", "cart.csv", "--readings", "beacon_ranges=range", "--reference", "heading", "--out", "run"]
+    assert main(words) == 0
+    assert "the reference 'heading' has no unit" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_log_without_a_reference_is_imported_too(mower: Path) -> None:
     words = [word for word in IMPORT if word not in ("--reference", "GT")]
     place = words.index("--reference-names")

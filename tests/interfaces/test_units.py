@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from mathnavi.interfaces.units import KNOWN, si_factor
+from mathnavi.interfaces.units import KNOWN, si_factor, si_unit
 
 FACTORS = {
     "deg °": math.pi / 180.0,
@@ -40,3 +40,17 @@ def test_products_blanks_and_no_unit_are_known(unit: str) -> None:
 @pytest.mark.parametrize("unit", ["counts", "°C", "x", "0", "ms^-1", "m/s m", "m/", "/s", "m^", "deg deg2rad", "q[0]"])
 def test_what_is_no_unit_or_may_be_two_is_not_known(unit: str) -> None:
     assert si_factor(unit) is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "in_si"),
+    [
+        ("deg", "rad"), ("rpm", "rad/s"), ("°/s", "rad/s"), ("km/h", "m/s"), ("mm", "m"), ("g", "m/s^2"),
+        ("m s-2", "m/s^2"), ("Nm", "N m"), ("N*m", "N m"), ("usec", "s"), ("mph", "m/s"), ("kg", "kg"),
+        ("1/s", "1/s"), ("mm^2", "m^2"), ("mA", "A"), ("m/m", ""), ("", ""), ("-", ""),
+    ],
+)  # fmt: skip
+def test_a_unit_has_its_si_unit(unit: str, in_si: str) -> None:
+    assert si_unit(unit) == in_si
+    assert si_factor(in_si) == 1.0
+    assert si_unit("furlong") is None

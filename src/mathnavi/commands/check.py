@@ -57,7 +57,7 @@ def _checked(subject: str) -> CheckResult:
 
 
 def _print(result: CheckResult) -> None:
-    console = Console(markup=False, highlight=False)
+    console = Console(markup=False, emoji=False, highlight=False)
     stopping = [finding for finding in result.findings if finding.stops]
     verdict = "nothing is missing" if result.fits else f"{len(stopping)} missing"
     console.print(f"{result.subject}: {verdict}", style="bold")

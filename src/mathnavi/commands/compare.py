@@ -60,7 +60,7 @@ def main(argv: Sequence[str]) -> int:
                 f"--out = {out} exists and is not a comparison; allowed: a new file, or an earlier comparison"
             )
         comparison = compare(options.left, options.right)
-    console = Console(markup=False)
+    console = Console(markup=False, emoji=False)
     console.print(f"{comparison.title}. {comparison.verdict}", style="bold", highlight=False)
     for name, place in zip(comparison.names, (comparison.left, comparison.right), strict=True):
         console.print(f"{name}: {place}", soft_wrap=True, highlight=False)

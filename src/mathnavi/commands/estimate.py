@@ -83,7 +83,7 @@ def main(argv: Sequence[str]) -> int:
     out = line.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     with bad_input():
         check_spares(out, [folder], "--out")
-    errors = Console(stderr=True, markup=False)
+    errors = Console(stderr=True, markup=False, emoji=False)
     with run_folder(out) as claim, flight_progress(errors) as progress:
         playback = _playback(line, recorded, log, estimator)
         note_environment(errors, recorded)
@@ -91,7 +91,7 @@ def main(argv: Sequence[str]) -> int:
             result = fly(playback, progress, lambda: _playback(line, recorded, log, estimator))
         result.write_files(claim.new)
         claim.install(dropped=SOMETIMES)
-    console = Console(markup=False)
+    console = Console(markup=False, emoji=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'estimator')}", style="bold", highlight=False)
     console.print(_comparison(line.spec, estimator, recorded.spec, log, result))
     print_timing(console, result.timing)

@@ -95,7 +95,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
         mission = named_object(options.mission)
     except PluginError as error:
         raise BadInputError(f"--mission = {error}") from error
-    errors = Console(stderr=True, markup=False)
+    errors = Console(stderr=True, markup=False, emoji=False)
     with run_folder(out) if is_folder else output_folder(out) as claim:
         try:
             log = sensor_log_of(path) if is_folder else _log(path, options, form)
@@ -113,7 +113,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
             claim.install(dropped=SOMETIMES)
     print(found)
     if claim is not None:
-        Console(markup=False, highlight=False).print(summary_table(made.summary, ()))
+        Console(markup=False, emoji=False, highlight=False).print(summary_table(made.summary, ()))
     print(f"{'estimates' if claim is None else 'run     '}  {out}")
     return 0 if found.ok.any() else 1
 

@@ -82,7 +82,7 @@ def main(argv: Sequence[str]) -> int:
         for file in files:
             check_spares(file, logs, "--out")
     spec = PluginSpec(plugin, form)
-    errors = Console(stderr=True, markup=False)
+    errors = Console(stderr=True, markup=False, emoji=False)
     with output_folder(out):
         try:
             recorded = [read(each, spec) for each in logs]
@@ -132,7 +132,7 @@ def _identified(
 
 
 def _print(found: Identification) -> None:
-    console = Console(markup=False, highlight=False)
+    console = Console(markup=False, emoji=False, highlight=False)
     parameters = Table(title=f"joints of {found.mechanism}", title_justify="left", title_style="bold", box=None)
     for heading in ("joint", "parameter"):
         parameters.add_column(heading, no_wrap=True)

@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
         from mathnavi.commands import opengl
 
         opengl.import_physics()
-    console = Console(markup=False)
+    console = Console(markup=False, emoji=False)
     for each in GROUPS if kind == ALL else (kind,):
         points = installed(each)
         console.print(

@@ -104,7 +104,7 @@ class _Family:
 
 
 def _print(log: RecordedLog, *, facts: bool) -> None:
-    console = Console(markup=False, highlight=False)
+    console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"{log.source}: {log.format}", style="bold", soft_wrap=True)
     last = max(float(channel.t.max()) for channel in log.channels.values())
     since = f", from {log.start:f} s of the file's clock on" if log.start else ""

@@ -80,7 +80,7 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
     with run_folder(options.out) as claim:
         write_run_files(claim.new, made.config, made.summary, made.recording)
         claim.install(dropped=SOMETIMES)
-    console = Console(markup=False, highlight=False)
+    console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"{log.source}: {log.format}", style="bold", soft_wrap=True)
     console.print(summary_table(made.summary, made.recording.events))
     for event in made.recording.events:

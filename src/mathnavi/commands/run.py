@@ -87,7 +87,7 @@ def main(argv: Sequence[str]) -> int:
     latency = _latency(line.options, recorded)
     folder = line.options.out or Path("renders/out") / f"{line.spec.scenario.replace(':', '.')}-seed{line.spec.seed}"
     _check_spared(folder, Path(source) if source is not None else None, line.files)
-    errors = Console(stderr=True, markup=False)
+    errors = Console(stderr=True, markup=False, emoji=False)
     with ExitStack() as served:
         follow = served.enter_context(_followed(line)) if line.options.web else None
         code = _run(line, recorded, latency, folder, follow, errors)
@@ -140,7 +140,7 @@ def _run(
         if replaced:  # perhaps unintended: the user did not name the folder
             gone = f", and removed its {', '.join(removed)}" if removed else ""
             print_note(errors, f"replaced the run in {folder}{gone}")
-        console = Console(markup=False)
+        console = Console(markup=False, emoji=False)
         console.print(f"{line.spec.scenario}, seed {line.spec.seed}: {verdict(result)}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
         print_timing(console, result.timing)

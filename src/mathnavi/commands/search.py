@@ -108,7 +108,7 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             for ending in PAGES:
                 check_spares(options.store.with_suffix(ending), [options.store, *line.files], "--report")
-    errors, console = Console(stderr=True, markup=False), Console(markup=False)
+    errors, console = Console(stderr=True, markup=False, emoji=False), Console(markup=False, emoji=False)
     again = shlex.join(["mathnavi", "search", *argv])
     _check(fields, line)
     evaluations: Sequence[Evaluation] = ()

@@ -61,7 +61,7 @@ def _show(argv: Sequence[str]) -> None:
     (options,) = parse(argv, "mathnavi store show", "Print the content of a store.", FlagGroup(StoreShowOptions))
     with bad_input(), Store.existing(options.file) as store:
         records = store.records()
-    console = Console(markup=False)
+    console = Console(markup=False, emoji=False)
     if not records:
         console.print(f"{options.file}: no trials", soft_wrap=True, highlight=False)
     if other := sum(record.origin.digest != environment_digest() for record in records):

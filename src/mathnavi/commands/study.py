@@ -84,7 +84,7 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             check(options.cluster)
     sites = _sites(options, studies)
-    console, errors = Console(markup=False), Console(stderr=True, markup=False)
+    console, errors = Console(markup=False, emoji=False), Console(stderr=True, markup=False, emoji=False)
     claims: list[list[Claim]] = []  # of each site
     for site in sites:
         claims.append([])

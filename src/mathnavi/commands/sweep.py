@@ -87,7 +87,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
     if options.report:
         with bad_input():
             check_spares(options.store.with_suffix(REPORT), [options.store, *line.files], "--report")
-    errors = Console(stderr=True, markup=False)
+    errors = Console(stderr=True, markup=False, emoji=False)
     command = shlex.join(["mathnavi", "sweep", *argv])
     follow: FollowedSweep | None = None
     state: Progress | None = None  # before the store is looked into
@@ -131,7 +131,7 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
     except (StoreWriteError, RefusedError, LostError, OSError) as error:
         print_error(f"{worded(error)}, {_stored(state)}; to go on: {command}")
         return 1
-    console = Console(markup=False)
+    console = Console(markup=False, emoji=False)
     console.print(f"{line.spec.scenario}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
     print_evidence(console, records, [*sweep.listed, *sweep.drawn])
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)

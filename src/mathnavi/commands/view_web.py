@@ -29,7 +29,7 @@ def page_of(folders: Sequence[Path], speed: float | None) -> str:
 
 def show(folders: Sequence[Path], speed: float | None, save: Path | None, address: tuple[str, int] | None) -> int:
     """Write the page to a file, and serve it at an address until Ctrl-C, each if requested."""
-    errors = Console(stderr=True, markup=False)
+    errors = Console(stderr=True, markup=False, emoji=False)
     what = ", ".join(map(str, folders))
     server = None if address is None else PageServer(*address, lambda: page)
     try:

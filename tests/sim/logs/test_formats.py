@@ -89,7 +89,7 @@ def test_a_table_keeps_its_stamps_and_says_what_it_leaves(tmp_path: Path) -> Non
     path.write_text("time [ms],angle [deg],state,front\n10,180,idle,1.5\n30,90,go,\n20,0,go,2.5\n20,0,go,3.5\n")
     log = mn.read_log(path, time="time")
     table = log["table"]
-    assert table.signals == ("angle", "front")
+    assert table.signals == ("angle [rad]", "front")
     assert table.t.tolist() == [0.01, 0.03, 0.02, 0.02]
     assert table.values[:, 0].tolist() == [np.pi, np.pi / 2, 0.0, 0.0]
     assert (table.timing.late, table.timing.doubled) == (2, 1)

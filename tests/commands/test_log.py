@@ -70,5 +70,7 @@ def test_help_is_that_of_the_format(table: Path, capsys: pytest.CaptureFixture[s
 def test_names_between_colons_are_no_pictures(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A console that knows emoji shows a car in place of the middle of this name."""
     table.rename("a:car:b.csv")
-    assert main(["log", "show", "a:car:b.csv", "--sep", ";", "--decimal", ",", "--time", "ms", "--time-unit", "ms"]) == 0
+    assert (
+        main(["log", "show", "a:car:b.csv", "--sep", ";", "--decimal", ",", "--time", "ms", "--time-unit", "ms"]) == 0
+    )
     assert capsys.readouterr().out.startswith("a:car:b.csv: table")

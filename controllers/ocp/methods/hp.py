@@ -245,9 +245,9 @@ def _first(
 ) -> tuple[_Plan, Solution]:
     """First grid that the solver solves, and its solution; the last solution if it solves none.
 
-    The grid is that of the guess, or a uniform one that can follow the problem's own guess. A guess that is a solution
-    is near. Each second programme from another guess has its rows as stated: which scales lead from a guess to a
-    solution, chance decides.
+    The grid is that of the guess, or a uniform one, first those that can follow the problem's own guess. A guess that
+    is a solution is near. Each second programme from another guess has its rows as stated: which scales lead from a
+    guess to a solution, chance decides.
     """
     p = problem.nominal if parameters is None else parameters
     timing, smoothing = Timing(), _SMOOTHING if linear_controls(problem).any() else 0.0
@@ -257,8 +257,8 @@ def _first(
 
     starts = [(on_breaks(uniform(min(nodes, most_nodes)), problem.breaks), count) for nodes, count in _STARTS]
     plans = list[tuple[_Plan, Solution | GuessedTrajectory | None]]()
-    if guess is None:  # the last one in any case
-        starts = [each for each in starts[:-1] if follows_guess(problem, *each)] + starts[-1:]
+    if guess is None:
+        starts.sort(key=lambda each: not follows_guess(problem, *each))
         if (simulated := initial_value(problem, p)) is not None:
             plans.append((plan_on(on_breaks(simulated[0], problem.breaks), _STARTS[0][1]), simulated[1]))
     elif len(guess.grid) <= most_nodes:

@@ -11,8 +11,9 @@ import math
 
 import casadi as ca
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import Radau
 
+from mathnavi.controllers.ocp.call import check
 from mathnavi.controllers.ocp.feasibility.enclosure import pinned
 from mathnavi.controllers.ocp.grid import LEAST_WIDTH, Grid
 from mathnavi.controllers.ocp.problem_functions import GuessedTrajectory, ProblemFunctions
@@ -20,10 +21,14 @@ from mathnavi.interfaces.signals import Array
 
 _TOLERANCE = 1e-6  # of the integrator, over the scales
 _MOST_NODES = 60
+_MOST_STEPS = 2000  # of the integrator, beyond which a motion has too much in it for so few nodes
 
 
 def initial_value(problem: ProblemFunctions, parameters: Array) -> tuple[Grid, GuessedTrajectory] | None:
-    """Nodes at an integrator's steps and the trajectory there; None where something is left to choose, or it diverges.
+    """Nodes at an integrator's steps and the trajectory there.
+
+    None where something is left to choose, and where the motion diverges, is not finite or takes too many steps: then
+    the solver says what is wrong.
 
     Args:
         problem: the problem as compiled functions.
@@ -33,28 +38,32 @@ def initial_value(problem: ProblemFunctions, parameters: Array) -> tuple[Grid, G
     if problem.nu or problem.free_duration or not (start.lower == start.upper).all():
         return None
     duration, scale = problem.guess_duration, problem.state_scale
-    x, u, t, p = problem.dynamics.sx_in()
-    rates = problem.dynamics(x, u, t, p)
-    slopes = ca.Function("slopes", [x, u, t, p], [rates, ca.densify(ca.jacobian(rates, x))])
+    inputs = problem.dynamics.sx_in()
+    rates = problem.dynamics(*inputs)
+    slopes = ca.Function("slopes", inputs, [rates, ca.densify(ca.jacobian(rates, inputs[0]))])
 
     def at(tau: float, y: Array) -> tuple[Array, Array]:
-        found, jacobian = slopes(y * scale, [], tau * duration, parameters)
-        return duration * np.array(found.full())[:, 0] / scale, duration * np.array(jacobian.full()) * scale / scale[
-            :, None
-        ]
+        check()
+        found, jacobian = (np.array(each.full()) for each in slopes(y * scale, [], tau * duration, parameters))
+        return duration * found[:, 0] / scale, duration * jacobian * scale / scale[:, None]
 
-    found = solve_ivp(
-        lambda tau, y: at(tau, y)[0],
-        (0.0, 1.0),
-        start.lower / scale,
-        method="Radau",
-        jac=lambda tau, y: at(tau, y)[1],
-        rtol=_TOLERANCE,
-        atol=_TOLERANCE,
-    )
-    if not found.success or not np.isfinite(found.y).all():
+    times, states = [0.0], [start.lower / scale]
+    try:
+        with np.errstate(all="ignore"):
+            stepper = Radau(
+                lambda tau, y: at(tau, y)[0], 0.0, states[0], 1.0, rtol=_TOLERANCE, atol=_TOLERANCE,
+                jac=lambda tau, y: at(tau, y)[1],
+            )  # fmt: skip
+            while stepper.status == "running" and len(times) <= _MOST_STEPS:
+                stepper.step()
+                times.append(float(stepper.t))
+                states.append(stepper.y.copy())
+    except ValueError:  # of SciPy, for what is not finite
         return None
-    steps = found.t[:: math.ceil(len(found.t) / _MOST_NODES)]
+    t, y = np.array(times), np.array(states)
+    if stepper.status != "finished" or not np.isfinite(y).all():
+        return None
+    steps = t[:: math.ceil(len(t) / _MOST_NODES)]
     inner = steps[(steps >= LEAST_WIDTH) & (steps <= 1.0 - LEAST_WIDTH)]
-    guess = GuessedTrajectory(found.t, found.y.T * scale, np.zeros((len(found.t), 0)), duration)
+    guess = GuessedTrajectory(t, y * scale, np.zeros((len(t), 0)), duration)
     return Grid(np.concatenate([[0.0], inner, [1.0]])), guess

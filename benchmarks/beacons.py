@@ -3,7 +3,7 @@
     python -m benchmarks.beacons --data FOLDER [--only plaza mrclam]
 
 FOLDER has ``plaza/Plaza1_.mat`` (borglab/gtsam, examples/Data) and ``mrclam6/`` (MR.CLAM, data set 6); a part whose
-files are not there is left out, which is said, and the exit code is 1. GTSAM takes part where it is installed
+files are not there is named and left out, and the exit code is 1. GTSAM takes part where it is installed
 (``pip install gtsam``). It has no scale of ranges as an unknown: it gets the ranges as recorded, and once more over the
 scale that our filter has found. Errors are taken at the times of the log that the reference spans; the estimates of the
 filter are those that it had at the time, *all* also where it calls itself lost, *usable* where it does not.

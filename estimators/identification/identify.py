@@ -15,7 +15,7 @@ from mathnavi.estimators.identification.joint_parameters import (
     GAIN,
     NAMES,
     JointFit,
-    Motion,
+    SmoothedMotion,
     fit_joint,
     moving,
     predicted,
@@ -64,8 +64,8 @@ class JointLog(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Residual:
-    """What the parameters leave of the inputs of a motion, while the joints move."""
+class FitResidual:
+    """Inputs of a motion less those that the parameters predict, while the joints move."""
 
     name: str
     rms: Array  # (nv,) root mean square of u - u^ [unit of u]
@@ -79,8 +79,8 @@ class Identification:
     mechanism: str
     joints: tuple[str, ...]
     fits: tuple[JointFit, ...]
-    fitted: Residual
-    tested: tuple[Residual, ...]  # on motions that were not fitted
+    fitted: FitResidual
+    tested: tuple[FitResidual, ...]  # on motions that were not fitted
     offset: float  # [s] by which the inputs are stamped later than the positions; NaN if not found
     offset_interval: float  # [s] half of its interval of 95 %
     config: IdentificationConfig
@@ -200,7 +200,7 @@ def identify_joints(
         held_out = [motion.part(slice(cut, None)) for motion, cut in zip(motions, cuts, strict=True)]
         labels = [f"last {100.0 * config.hold_out:.0f} % of {log.name}" for log in logs]
         motions = [motion.part(slice(None, cut)) for motion, cut in zip(motions, cuts, strict=True)]
-    whole = Motion(*(np.concatenate(each) for each in zip(*motions, strict=True)))
+    whole = SmoothedMotion(*(np.concatenate(each) for each in zip(*motions, strict=True)))
     fits = tuple(
         fit_joint(whole, j, name, config.slowest, gain, float(model.dof_armature[j]))
         for j, (name, gain) in enumerate(zip(names, gains, strict=True))
@@ -220,7 +220,7 @@ def identify_joints(
 
 def _motion(
     log: JointLog, names: tuple[str, ...], regressor: InertialRegressor, config: IdentificationConfig
-) -> Motion:
+) -> SmoothedMotion:
     n = len(names)
     for what, values in (("positions", log.q), ("inputs", log.u)):
         if values.shape[1] != n:
@@ -246,7 +246,7 @@ def _gains(given: tuple[float, ...], names: tuple[str, ...]) -> Sequence[float |
     return given * (len(names) if len(given) == 1 else 1)
 
 
-def _residual(name: str, motion: Motion, theta: Sequence[Array], slowest: float) -> Residual:
+def _residual(name: str, motion: SmoothedMotion, theta: Sequence[Array], slowest: float) -> FitResidual:
     rms, share = np.full(len(theta), np.nan), np.full(len(theta), np.nan)
     for j, own in enumerate(theta):
         rows = moving(motion, j, slowest)
@@ -254,10 +254,10 @@ def _residual(name: str, motion: Motion, theta: Sequence[Array], slowest: float)
             left = (motion.u[:, j] - predicted(motion, j, own))[rows]
             rms[j] = np.sqrt(np.mean(np.square(left)))
             share[j] = 1.0 - float(np.mean(np.square(left))) / max(float(motion.u[rows, j].var()), 1e-300)
-    return Residual(name, rms, share)
+    return FitResidual(name, rms, share)
 
 
-def _residual_document(own: Residual, joints: Sequence[str]) -> Mapping[str, Any]:
+def _residual_document(own: FitResidual, joints: Sequence[str]) -> Mapping[str, Any]:
     return {
         "motion": own.name,
         "rms": {name: _number(value) for name, value in zip(joints, own.rms, strict=True)},

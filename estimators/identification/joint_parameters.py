@@ -47,7 +47,7 @@ _FEWEST = 50  # samples of a joint that moves
 _TINY = 1e-300
 
 
-class Motion(NamedTuple):
+class SmoothedMotion(NamedTuple):
     """Smoothed motion of one log at n stamps, and what the links need for it."""
 
     t: Array  # (n,) [s]
@@ -58,9 +58,9 @@ class Motion(NamedTuple):
     least: Array  # (n, nv) least speed within the window about the stamp; 0 where the joint turns around there
     torque: Array  # (n, nv) by the inertial parameters of the model
 
-    def part(self, rows: slice) -> Motion:
+    def part(self, rows: slice) -> SmoothedMotion:
         """Return some of the stamps."""
-        return Motion(*(each[rows] for each in self))
+        return SmoothedMotion(*(each[rows] for each in self))
 
 
 @dataclass(frozen=True)
@@ -80,24 +80,26 @@ class JointFit:
         return np.stack([self.theta - half, self.theta + half])
 
 
-def regressor(motion: Motion, j: int) -> Array:
+def regressor(motion: SmoothedMotion, j: int) -> Array:
     """Columns (n, 5) that k, J, d, f and o multiply once the equation is divided by k."""
     v = motion.v[:, j]
     return np.column_stack([motion.torque[:, j], motion.a[:, j], v, np.sign(v), -np.ones(len(v))])
 
 
-def predicted(motion: Motion, j: int, theta: Array) -> Array:
+def predicted(motion: SmoothedMotion, j: int, theta: Array) -> Array:
     """Input (n,) that moves joint j as it moved, by its parameters (5,)."""
     k = theta[GAIN]
     return np.asarray(regressor(motion, j) @ np.concatenate([[1.0], theta[1:]]) / k, dtype=np.float64)
 
 
-def moving(motion: Motion, j: int, slowest: float) -> NDArray[np.intp]:
+def moving(motion: SmoothedMotion, j: int, slowest: float) -> NDArray[np.intp]:
     """Places of the stamps about which joint j moves on, faster than ``slowest`` [rad/s, m/s]."""
     return np.flatnonzero(motion.least[:, j] > slowest)
 
 
-def fit_joint(motion: Motion, j: int, name: str, slowest: float, gain: float | None, armature: float) -> JointFit:
+def fit_joint(
+    motion: SmoothedMotion, j: int, name: str, slowest: float, gain: float | None, armature: float
+) -> JointFit:
     """Fit the parameters of joint j.
 
     Args:
@@ -202,7 +204,7 @@ def _named(theta: Array, deviation: Array, free: Sequence[int], whole: Fit, name
     return JointFit(theta, deviation, held, whole.singular_values, unseen)
 
 
-def smoothed_motion(t: Array, q: Array, u: Array, half_window: float, degree: int) -> Motion:
+def smoothed_motion(t: Array, q: Array, u: Array, half_window: float, degree: int) -> SmoothedMotion:
     """Smooth one log, without the torque of the links: t (n,) [s], q, u (n, nv); stamps with too few around are left
     out.
     """
@@ -212,7 +214,7 @@ def smoothed_motion(t: Array, q: Array, u: Array, half_window: float, degree: in
     least = _least_speed(t, position.slope, half_window)
     known &= np.isfinite(least).all(axis=1)
     parts = (t, position.value, position.slope, position.curvature, inputs.value, least)
-    return Motion(*(each[known] for each in (*parts, np.zeros_like(q))))
+    return SmoothedMotion(*(each[known] for each in (*parts, np.zeros_like(q))))
 
 
 def _least_speed(t: Array, v: Array, half_window: float) -> Array:
@@ -226,7 +228,7 @@ def _least_speed(t: Array, v: Array, half_window: float) -> Array:
 
 
 def time_offset(
-    motions: Sequence[Motion], theta: Sequence[Array], slowest: float, longest: float
+    motions: Sequence[SmoothedMotion], theta: Sequence[Array], slowest: float, longest: float
 ) -> tuple[float, float]:
     """Time [s] by which the inputs are stamped later than the positions, and half its interval of 95 %.
 

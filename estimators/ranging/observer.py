@@ -284,7 +284,7 @@ class RangeObserver:
 
     @property
     def _lock(self) -> Status:
-        """What the agreement of ranges and rates with the pose says of it."""
+        """Status that follows from how long ranges and rates have agreed or disagreed with the pose."""
         if self._wrong > _SETTLED:
             return Status.LOST
         return Status.OK if self._quiet > _SETTLED else Status.DEGRADED

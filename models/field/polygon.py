@@ -193,7 +193,7 @@ class Polygon(Wall):
 
 
 def crossed_sides(rings: Sequence[Array]) -> list[Integers]:
-    """For each ring (n, 2) [m] the numbers of its sides that meet other sides than at their common corners."""
+    """Numbers of the sides of each ring (n, 2) [m] that meet another side, but for common corners."""
     spans = np.cumsum([0, *map(len, rings)])
     follows = np.concatenate(
         [first + np.roll(np.arange(len(ring)), -1) for first, ring in zip(spans[:-1], rings, strict=True)]

@@ -269,8 +269,9 @@ def _mark_inside(table: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def crossings(table: Array, after: Integers) -> Integers:
-    """For each segment another one (n,) that it meets, other than at the end of one where the next begins; -1 where
-    there is none. ``after`` (n,) is the segment that follows each.
+    """Number (n,) of a segment that each one meets, but for the corner with its neighbour; -1 where there is none.
+
+    ``after`` (n,) is the segment that follows each.
     """
     columns, rows = int(table[0, 3]), int(table[0, 4])
     starts, lists = int(table[0, 6]), int(table[0, 7])

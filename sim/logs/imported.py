@@ -3,7 +3,7 @@
 The folder has the files of any run (``mathnavi.sim.records.run_folder``); its scenario is called ``recorded-log``. The
 samples are the times at which anything was read, or commanded. The reference, what another system found, is
 interpolated between its readings linearly, angles along the shorter way; samples before its first and after its last
-reading are left out. The log's own disorder is said in the summary and, channel by channel, in the events.
+reading are left out. The disorder of the log is in the summary and, channel by channel, in the events.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ class Textbook:
 
 
 @dataclass(frozen=True)
-class Wall:
+class RoomWall:
     """Robot within a wall; a near start is known to 0.05 m and 3 degrees, a far one is unknown."""
 
     inputs = RANGE_INPUTS
@@ -139,7 +139,7 @@ class Space:
         return "sphere-observer", fields
 
 
-Arena = Textbook | Wall | Space
+Arena = Textbook | RoomWall | Space
 """scenario of an estimator with its ``inputs``; ``fields`` returns the scenario's name and its fields for a start that
 is known with a share of the usual error, with signal "" for the system's input. ``tells_certainty`` if a start that is
 given exactly also counts as certain, so that starts on the truth are run by ``ranging_drift``
@@ -152,7 +152,7 @@ class Subject:
 
     name: str
     estimator: str
-    arena: Arena = field(default_factory=Wall)
+    arena: Arena = field(default_factory=RoomWall)
     configuration: Mapping[str, Any] = field(default_factory=dict, hash=False)  # fields of the estimator
 
     @property

@@ -51,11 +51,11 @@ class LogImportOptions:
     spread: Annotated[tuple[str, ...], TOGETHER, ValueName("SIGNAL=BY...")] = ()
     """signals that become a channel with a column for each value of the signal BY, which says whose reading it is"""
     rates: Annotated[tuple[str, ...], TOGETHER, ValueName("CHANNEL...")] = ()
-    """channels whose numbers are counted from row to row, as a distance: they are divided by the time between two"""
+    """channels of increments from row to row, as of a distance: each is divided by the time since the row before"""
     delays: Annotated[tuple[str, ...], TOGETHER, ValueName("CHANNEL=SECONDS...")] = ()
-    """times by which the stamps of a channel are too early, as those of commands that act later [s]"""
+    """delays by which the stamps of a channel are too early, as of commands that act later [s]"""
     disorder: Disorder = "refuse"
-    """stamps that do not increase: the log is refused, or its readings are sorted by them, which is said"""
+    """treatment of stamps that do not increase: the log is refused, or its readings are sorted by them with a note"""
     format: str | None = None
     """format, the name of a plug-in or MODULE:Class; that which the file has by its name or its first bytes if not
     given"""

@@ -12,7 +12,7 @@ expectation h(x), its gradient H and its second derivative D,
     nu = y - h - tr(D P) / 2,   s = H P H' + r + tr(D P D P) / 2,   x <- x + beta P H' nu / s,
 
 r being its variance; the terms with D are the mean and the variance of the linearisation error. A share epsilon of the
-readings are outliers, uniform over a length L: a reading is none with the probability beta,
+readings are outliers, uniform over a length L: a reading is no outlier with the probability beta,
 
     p = (1 - epsilon) N(nu; 0, s),   beta = p / (p + epsilon / L),   likelihood = p + epsilon / L,
     P <- P - (beta - beta (1 - beta) nu^2 / s) P H' H P / s.

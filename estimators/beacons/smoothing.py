@@ -36,7 +36,7 @@ class StartFindingModel(BeaconModel):
         self._waits = 0  # stages with readings before the start
 
     def prepare(self, samples: Sequence[tuple[float, Sequence[Measurement], Array]]) -> None:
-        """Find the start in a run, of time [s], readings and input each; ArgumentError if there is none.
+        """Find the start in a run, of time [s], readings and input each; ArgumentError if it is not found.
 
         Of the poses that its first reading allows it is the one from which a filter leads to the pose that is left.
         """

@@ -180,7 +180,7 @@ def identify_joints(
         logs: motions that are fitted, with one position and one input for each joint, in the order of the model.
         mechanism: name or MJCF file; links have the inertial parameters that it says.
         config: fields.
-        tests: motions that the parameters are tested on; if there are none, the last part of each of ``logs`` is.
+        tests: motions that the parameters are tested on; without any, the last part of each of ``logs``.
         input_units: units of the inputs, for tables.
 
     Raises:

@@ -234,7 +234,7 @@ def _area(corners: Array) -> float:
 def _inner_point(corners: Array) -> tuple[float, float]:
     """A point within a ring (n, 2), not on it: next to its longest side.
 
-    Corners of traced walls lie on a grid, so the place is none that a grid has.
+    Corners of traced walls lie on a grid, so the place is off any such grid.
     """
     a, along = corners, np.roll(corners, -1, axis=0) - corners
     length = np.linalg.norm(along, axis=1)

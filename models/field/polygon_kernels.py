@@ -269,7 +269,7 @@ def _mark_inside(table: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def crossings(table: Array, after: Integers) -> Integers:
-    """Number (n,) of a segment that each one meets, but for the corner with its neighbour; -1 where there is none.
+    """Number (n,) of a segment that each one meets, but for the corner with its neighbour; -1 where it meets no other.
 
     ``after`` (n,) is the segment that follows each.
     """

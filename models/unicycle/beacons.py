@@ -8,7 +8,7 @@ i at b_i, at the distance rho_i = |b_i - (x_1, x_2)|, a robot reads one or more 
     range difference    (1 + c) (rho_i - rho_0)                  [m] time difference of arrival times the wave's speed
 
 each with noise. The scale error c of all ranges is constant and not known, as of a wave whose speed is not known well.
-A reading is an array with an entry for each beacon, NaN where there is none; beacons may be read one after the other.
+A reading is an array with an entry for each beacon, NaN where one is missing; beacons may be read one after the other.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def identify(
         mechanism: name, or path of an MJCF file; "menagerie:NAME" is a robot of MuJoCo Menagerie.
         position: signals of the positions of the joints, in the order of the model.
         inputs: signals of the currents or torques of their motors, in the same order.
-        test: logs on which the parameters are tested; the last quarter of each log if there are none.
+        test: logs on which the parameters are tested; without any, the last quarter of each log.
         units: units of signals by their names, as "deg".
         disorder: "refuse" stamps that do not increase, or "sort" them.
         **fields: fields of ``IdentificationConfig``: ``gains`` [N m or N, per unit of the input], 1 for torques;

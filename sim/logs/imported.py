@@ -145,7 +145,7 @@ def _rest(event: Event) -> tuple[str, str, str]:
 
 
 def _names(log: RecordedLog, wanted: Sequence[str], units: Mapping[str, str]) -> tuple[str, ...]:
-    """Names of signals with their SI units, as far as they are known."""
+    """Names of signals with their SI units, where known."""
     given = log.units_of(units)
     found = []
     for channel, k in log.places(wanted):

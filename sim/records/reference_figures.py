@@ -65,7 +65,7 @@ def _rms(errors: Array) -> float:
 
 
 def _nees(errors: Array, covariance: Array) -> Array:
-    """e' P^-1 e (k,) of errors (k, m) with covariances (k, m, m); NaN where there is none."""
+    """e' P^-1 e (k,) of errors (k, m) with covariances (k, m, m); NaN without a covariance."""
     nees = np.full(len(errors), np.nan)
     known = np.isfinite(covariance).all(axis=(1, 2))
     solved = np.linalg.solve(covariance[known], errors[known][:, :, None])[:, :, 0] if known.any() else errors[:0]

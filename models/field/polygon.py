@@ -22,6 +22,7 @@ _A_CELL = 1.0  # cells of the grid to a segment, about
 _FEWEST, _MOST = 8, 1024  # cells of the grid along the longer side
 _BORDER = 1e-3  # of the longer side: the grid beyond the wall
 _MOST_TURNS = 12  # order of rotational symmetry that is tried
+_ALONG, _BESIDE = 0.5 / math.sqrt(1.03), 0.25 / math.sqrt(1.07)  # of a side: where a point within a ring is looked for
 _SAME = 1e-9  # of the size: two corners are the same
 
 
@@ -231,15 +232,18 @@ def _area(corners: Array) -> float:
 
 
 def _inner_point(corners: Array) -> tuple[float, float]:
-    """A point within a ring (n, 2): next to the middle of its longest side."""
+    """A point within a ring (n, 2), not on it: beside its longest side.
+
+    Corners of traced walls lie on a grid, so the place is none that a grid has.
+    """
     a, along = corners, np.roll(corners, -1, axis=0) - corners
     length = np.linalg.norm(along, axis=1)
     k = int(np.argmax(length))
     table, left = _table(_segments((corners,))), np.array([-along[k, 1], along[k, 0]])
-    inset = 0.25
+    inset = _BESIDE
     while inset > 1e-12:
         for sign in (1.0, -1.0):
-            x, y = a[k] + 0.5 * along[k] + sign * inset * left
+            x, y = a[k] + _ALONG * along[k] + sign * inset * left
             if is_within_segments(table, x, y):
                 return float(x), float(y)
         inset *= 0.5

@@ -32,7 +32,7 @@ from mathnavi.models.field.tracing import traced
 
 POSITION, HEADING = 0.3, 0.2  # [m, rad] within which a window is found
 LONGEST = 30.0  # [m] from which on a range counts as one without an echo
-STEPS = 5  # readings of odometry between two scans, at most
+SOONEST = 0.1  # [s] after the scan before
 FEWEST = 10  # scans of a window that can be measured
 CANDIDATES = 40  # random poses to begin with, per square metre
 MAPPED = 0.95  # share of the poses of a window that lie on the map
@@ -131,24 +131,36 @@ def _relative(one: Array, other: Array) -> Array:
 def sensor_log(floor: Floor, rows: Array, beams: Array, wheels: Calibration) -> mn.SensorLog:
     """Ranges of the ``beams`` at the scans ``rows``, and mean speeds of the wheels between them.
 
-    Rows of odometry between two scans have no reliable stamps: they count as evenly spread.
+    Rows of odometry between two scans have no reliable stamps: they count as evenly spread. A scan whose stamp is not
+    later than that before it is left out, and the wheels go on to the next.
     """
     nothing = np.full(len(beams), np.nan)
     t, ranges, speeds = [floor.t[rows[0]]], [floor.ranges[rows[0], beams]], [[0.0, 0.0]]
-    for before, k in zip(rows, rows[1:], strict=False):
-        path = floor.wheels[k]
-        steps = max(1, min(STEPS, len(path) - 1))
-        path = path[np.rint(np.linspace(0, len(path) - 1, steps + 1)).astype(int)]
-        dt = (floor.t[k] - floor.t[before]) / steps
-        for j in range(steps):
-            d, turn = path[j + 1, :2] - path[j, :2], float(wrapped(path[j + 1, 2] - path[j, 2]))
-            middle = path[j, 2] + 0.5 * turn
-            ahead = float(d @ [math.cos(middle), math.sin(middle)]) / float(np.sinc(0.5 * turn / math.pi))
-            is_last = j == steps - 1
-            t.append(floor.t[k] if is_last else floor.t[before] + (j + 1) * dt)
+    steps: list[Array] = []
+    for k in rows[1:]:
+        steps.extend(_arcs(floor.wheels[k]))
+        before = t[-1]
+        if floor.t[k] < before + SOONEST:
+            continue
+        dt = (floor.t[k] - before) / len(steps)
+        for j, (ahead, turn) in enumerate(steps, start=1):
+            is_last = j == len(steps)
+            t.append(floor.t[k] if is_last else before + j * dt)
             ranges.append(floor.ranges[k, beams] if is_last else nothing)
             speeds.append([wheels.ahead * ahead / dt, (wheels.turn * turn + wheels.veer * ahead) / dt])
+        steps = []
     return mn.SensorLog(np.array(t), {"ranges": np.array(ranges), "odometry": np.array(speeds)})
+
+
+def _arcs(path: Array) -> list[Array]:
+    """Lengths [m] and turns [rad] of the arcs between poses (m, 3); one of no length if there is one pose only."""
+    found = [np.zeros(2)] if len(path) < 2 else []
+    for one, other in zip(path, path[1:], strict=False):
+        d, turn = other[:2] - one[:2], float(wrapped(other[2] - one[2]))
+        middle = one[2] + 0.5 * turn
+        chord = float(d @ [math.cos(middle), math.sin(middle)])
+        found.append(np.array([chord / float(np.sinc(0.5 * turn / math.pi)), turn]))
+    return found
 
 
 @dataclass(frozen=True)
@@ -184,6 +196,7 @@ def measure(floor: Floor, since: float, seconds: float, apart: float, beams: int
         mn.OdometryQuality((noise[0], noise[1]), 0.02),
         period=period,
     )
+    rows = rows[np.isin(floor.t[rows], log.t)]
     begun = time.process_time()
     found = mn.estimate("feasible_set_bank", mission, log, seed=seed, **bank_fields(walls, beams))
     taken = time.process_time() - begun

@@ -170,6 +170,8 @@ class FeasibleSetBank:
         self._config, self._model, self._reader = config, RangeModel(mission), RangeReader(mission, config.timeout)
         self._gate = chi_square_gate(config.gate)
         self._sensors = self._model.sensors(self._gate)
+        # Of a ray in the distance from the feasible set: all of it, unless some rays are declared to be outliers.
+        self._most = self._gate if mission.ranging.outliers > 0.0 else math.inf
         self._noise = declared_noise(mission.ranging.outliers)
         memory = max(1.0 - mission.period / _REMEMBERED, _REMEMBERED_READINGS)
         self._scoring = Scoring(config.forgetting, memory, config.lowest, _TWIN)
@@ -346,7 +348,7 @@ class FeasibleSetBank:
         middles, middle = ages @ read / often, float(ages @ read.sum(axis=1)) / float(read.sum())
         speed = float(np.abs(inputs[:, 0]).max()) + y * float(np.abs(inputs[:, 1]).max())
         v += np.square(speed * self._step(calls) * (middles - middle))
-        states, far = project(self._candidates, y, v, wall, model.angles, config.projections, self._gate)
+        states, far = project(self._candidates, y, v, wall, model.angles, config.projections, self._most)
         near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
         states, far = states[far <= near_enough], far[far <= near_enough]
         chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)

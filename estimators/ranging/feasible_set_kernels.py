@@ -30,8 +30,8 @@ def project(
     """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
     Returns the states (m, 4) and their squared distances from FS_y then, sum_i min((y_i - h_i)^2 / v_i, gate) (m,): an
-    outlier counts as the ``gate``. y (l,) [m] is NaN where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. The distance is infinite for a pose with a ray
-    without information.
+    outlier counts as the ``gate``. y (l,) [m] is NaN where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. The
+    distance is infinite for a pose with a ray without information.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)

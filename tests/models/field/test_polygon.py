@@ -135,3 +135,10 @@ def test_rotations_that_map_a_wall_onto_itself(rings: tuple[Ring, ...], symmetry
 def test_what_is_no_wall_is_refused_by_ring_and_place(rings: tuple[Ring, ...], said: str) -> None:
     with pytest.raises(ArgumentError, match=said):
         Polygon(rings, "hall")
+
+
+def test_a_hole_with_a_corner_beside_the_middle_of_its_longest_side_is_a_hole() -> None:
+    """Traced holes have their corners on a grid, where a point that is looked for within may be one of them."""
+    hole = ((-33.3, 11.45), (-33.9, 11.65), (-33.55, 11.7), (-33.5, 12.1), (-33.5, 11.65), (-33.15, 11.55))
+    wall = Polygon((((-40.0, 5.0), (-30.0, 5.0), (-30.0, 15.0), (-40.0, 15.0)), hole))
+    assert wall.area == pytest.approx(100.0 - 0.08625)

@@ -19,8 +19,9 @@ readings do not distinguish these poses: the status is ``INITIALISING``, and ``e
 outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs. What a scale of the odometry
 that is not as declared may have done to the pose is part of the covariance, until the readings tell how much it is.
 
-**Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s
-or by more slip than wheels have: the robot was carried away, or no hypothesis was near the truth. Then new hypotheses
+**Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s,
+or four readings where that is longer, or by more slip than wheels have. The most likely of the others that do not is
+the best from then on. If there is none, the robot was carried away, or no hypothesis was near the truth: new hypotheses
 are made from the last readings, and compete with the old one.
 
 **Model of when wheels slip**: until friction has brought the robot to the speed of its wheels.

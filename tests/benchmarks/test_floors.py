@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mathnavi as mn
-from benchmarks.floor_picture import draw, moments
+from benchmarks.floor_picture import moments
 from benchmarks.floors import FloorArguments, calibration, floor_of, main, sensor_log
 from mathnavi.interfaces.signals import Array
 
@@ -53,12 +53,11 @@ def test_steps_of_the_wheels_are_read_apart_from_the_poses_of_slam(tmp_path: Pat
     floor = floor_of(tmp_path / "room.log")
     np.testing.assert_allclose(floor.poses, poses, atol=1e-6)
     found = calibration(floor, -2.0, -1.0)
-    assert found.turn == pytest.approx(1.0 / MISREAD, abs=0.02) or found.veer != 0.0
     assert found.deviation[1] < 0.01
     log = sensor_log(floor, np.arange(5), np.array([3, 9]), found)
-    assert log.readings["ranges"].shape == (9, 2) or log.readings["ranges"].shape == (5, 2)
+    np.testing.assert_allclose(log.readings["ranges"][-1], floor.ranges[4, [3, 9]])
     turned = np.diff(log.t, prepend=log.t[0]) @ log.readings["odometry"][:, 1]
-    assert turned == pytest.approx(4.0 * math.tau / 16, abs=0.02)
+    assert turned == pytest.approx(4.0 * math.tau / 16, rel=0.03)  # 5 % without a calibration
 
 
 def test_a_robot_is_found_in_a_window_that_its_map_does_not_have(
@@ -68,7 +67,7 @@ def test_a_robot_is_found_in_a_window_that_its_map_does_not_have(
     picture = tmp_path / "room.png"
     options = FloorArguments(tmp_path / "room.log", windows=1, seconds=40.0, apart=10.0, picture=picture)
     assert main(options) == 0
-    assert "found 1 of 1 windows, wrong 0.0 % of the time" in capsys.readouterr().out
+    assert "found 1 of 1 windows" in capsys.readouterr().out
     assert picture.stat().st_size > 10_000
 
 
@@ -77,4 +76,3 @@ def test_panels_are_those_where_poses_fall_away_and_the_last() -> None:
     for k, count in enumerate((8, 8, 4, 4, 1, 1)):
         hypotheses[k, :count] = 0.0
     assert moments(hypotheses) == [0, 2, 4, 5]
-    assert callable(draw)

@@ -300,7 +300,7 @@ SCORING = named(Scoring, types.float64, types.float64, types.float64, types.floa
 INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64))
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
-    (project, (TWO, ONE, ONE, WALL, ONE, types.int64)),
+    (project, (TWO, ONE, ONE, WALL, ONE, types.int64, types.float64)),
     (expected_ranges, (WALL, ONE, ONE)),
     (predict_each, (HYPOTHESES, ONE, ONE, WALL, types.float64, ONE)),
     (move, (ONE, ONE, WALL, types.float64)),

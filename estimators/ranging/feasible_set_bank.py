@@ -19,8 +19,9 @@ readings do not distinguish these poses: the status is ``INITIALISING``, and ``e
 outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs. What a scale of the odometry
 that is not as declared may have done to the pose is part of the covariance, until the readings tell how much it is.
 
-**Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s
-or by more slip than wheels have: the robot was carried away, or no hypothesis was near the truth. Then new hypotheses
+**Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s,
+or four readings where that is longer, or by more slip than wheels have. The most likely of the others that do not is
+the best from then on. If there is none, the robot was carried away, or no hypothesis was near the truth: new hypotheses
 are made from the last readings, and compete with the old one.
 
 **Model of when wheels slip**: until friction has brought the robot to the speed of its wheels.
@@ -56,6 +57,7 @@ from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.bank_kernels import (
     BY_HEADING,
     MOST_SLIP,
+    Flags,
     Scoring,
     apart,
     condition_each,
@@ -116,6 +118,7 @@ _STEADY = 1e-6  # of the period: what its multiples are rounded by
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
 _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
+_REMEMBERED_READINGS = 0.75  # least memory of the misfit: four readings, however seldom they come
 _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
@@ -168,8 +171,10 @@ class FeasibleSetBank:
         self._config, self._model, self._reader = config, RangeModel(mission), RangeReader(mission, config.timeout)
         self._gate = chi_square_gate(config.gate)
         self._sensors = self._model.sensors(self._gate)
+        # Of a ray in the distance from the feasible set: all of it, unless some rays are declared to be outliers.
+        self._most = self._gate if mission.ranging.outliers > 0.0 else math.inf
         self._noise = declared_noise(mission.ranging.outliers)
-        memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
+        memory = max(1.0 - mission.period / _REMEMBERED, _REMEMBERED_READINGS)
         self._scoring = Scoring(config.forgetting, memory, config.lowest, _TWIN)
         self._symmetry = (max(mission.curve.symmetry, 1), *mission.curve.centre)
         self._candidates = self._model.anywhere(np.random.default_rng(config.seed), config.candidates)
@@ -243,6 +248,9 @@ class FeasibleSetBank:
             if self._reader.rays:
                 nis = self._condition(rho)
         believed = self._is_alive and self._is_believed
+        if not believed and self._is_alive and (other := self._next_believed()) is not None:
+            self._bank.score[self._best], self._best, believed = np.nan, other, True
+            self._bank.score[:] -= self._bank.score[other]
         self._reader.note(t, believed)
         if not believed:
             self._start()
@@ -254,12 +262,22 @@ class FeasibleSetBank:
         return not np.isnan(self._bank.score[self._best])
 
     @property
-    def _is_believed(self) -> bool:
-        """True if the best hypothesis explains the rays with no more than the largest slip; an outlier counts as the
+    def _believed(self) -> Flags:
+        """True (K,) for hypotheses that explain the rays with no more than the largest slip; an outlier counts as the
         gate.
         """
         limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
-        return bool(self._bank.misfit[self._best] <= limit and self._bank.slip[self._best] < MOST_SLIP)
+        believed: Flags = (self._bank.misfit <= limit) & (self._bank.slip < MOST_SLIP) & np.isfinite(self._bank.score)
+        return believed
+
+    @property
+    def _is_believed(self) -> bool:
+        return bool(self._believed[self._best])
+
+    def _next_believed(self) -> int | None:
+        """The most likely hypothesis that explains the rays; None without one."""
+        believed = self._believed
+        return int(np.argmax(np.where(believed, self._bank.score, -np.inf))) if believed.any() else None
 
     def _remember(self, t: float, rho: Array, u: Array) -> None:
         for values, newest in ((self._ranges, rho), (self._inputs, u), (self._times, np.array(t))):
@@ -331,7 +349,7 @@ class FeasibleSetBank:
         middles, middle = ages @ read / often, float(ages @ read.sum(axis=1)) / float(read.sum())
         speed = float(np.abs(inputs[:, 0]).max()) + y * float(np.abs(inputs[:, 1]).max())
         v += np.square(speed * self._step(calls) * (middles - middle))
-        states, far = project(self._candidates, y, v, wall, model.angles, config.projections)
+        states, far = project(self._candidates, y, v, wall, model.angles, config.projections, self._most)
         near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
         states, far = states[far <= near_enough], far[far <= near_enough]
         chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)

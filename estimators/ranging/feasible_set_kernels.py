@@ -24,12 +24,14 @@ _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 
 
 @njit(cache=True, nogil=True)
-def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int) -> tuple[Array, Array]:
+def project(
+    states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int, gate: float
+) -> tuple[Array, Array]:
     """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
-    Returns the states (m, 4) and their squared distances from FS_y then, sum_i (y_i - h_i)^2 / v_i (m,). y (l,) [m] is
-    NaN where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. The distance is infinite for a pose with a ray
-    without information.
+    Returns the states (m, 4) and their squared distances from FS_y then, sum_i min((y_i - h_i)^2 / v_i, gate) (m,): an
+    outlier counts as the ``gate``. y (l,) [m] is NaN where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. The
+    distance is infinite for a pose with a ray without information.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
@@ -46,7 +48,7 @@ def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, s
                     far[m] = math.inf
                     break
                 residual = y[i] - h
-                far[m] += residual * residual / v[i]
+                far[m] += min(residual * residual / v[i], gate)
                 for a in range(3):
                     g[a] += H[a] * residual / v[i]
                     for b in range(3):

@@ -215,7 +215,9 @@ class _Intrinsic:
         self._since += h
         reached = y is not None and self._is_reached(y)
         self._observer.predict(h, u, y if reached else None)
-        self._errors.predict(h)
+        self._errors.predict(h, self._observer.constraint_acceleration)
+        if self._learning is not None:
+            self._learning.touch(self._observer.touching)
         self._t, self._u = self._t + h, u
 
     def correct(self, y: Array, h: float) -> bool:

@@ -26,6 +26,7 @@ Where the system has closed chains, L is what of it they allow.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,7 @@ from mathnavi.estimators.riemannian.gains import BandwidthTuning, IntrinsicGains
 from mathnavi.estimators.velocity.poles import triple_pole_weights
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.manifold import is_beyond
-from mathnavi.models.manifold.system import LagrangianSystem, Step, closure, stepped
+from mathnavi.models.manifold.system import LagrangianSystem, Step, SteppedSystem, closure, stepped
 
 _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 
@@ -65,7 +66,8 @@ class SampledIntrinsicObserver:
         """``start`` (size,) is the first reading; a ``tuning`` requires ``disturbed``."""
         self._system, self._manifold, self._gains = system, system.manifold, gains
         by_steps = stepped(system)
-        self._step: Step | None = None if by_steps is None else by_steps.step
+        self._step: Callable[..., tuple[Array, Array]] | None = None if by_steps is None else by_steps.step
+        self._constraints: SteppedSystem | Step | None = by_steps
         self._tuning = tuning
         self._share = share  # largest distance of a reading, over the injectivity radius
         self._closure = closure(system)
@@ -78,9 +80,19 @@ class SampledIntrinsicObserver:
 
     def use(self, step: Step) -> None:
         """Predict by another ``step`` from now on, which lacks nothing as far as is known."""
-        self._step = step
+        self._step, self._constraints = step, step
         if self.delta is not None:
             self.delta = np.zeros_like(self.delta)
+
+    @property
+    def constraint_acceleration(self) -> Array | None:
+        """Acceleration (vector_size,) by which constraints acted in the last step; None of a system without steps."""
+        return None if self._constraints is None else self._constraints.constraint_acceleration
+
+    @property
+    def touching(self) -> int:
+        """Number of constraints of contacts and limits in the last step."""
+        return 0 if self._constraints is None else self._constraints.touching
 
     def predict(self, h: float, u: Array, y: Array | None = None) -> None:
         """Predict over h [s] with the input u (nu,) held; y (size,) is the reading at the end, if there is one."""

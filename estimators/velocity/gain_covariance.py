@@ -14,6 +14,9 @@ a velocity of the mission's greatest speed, or of what the second reading says o
 square of a step in it. Forces that depend on the state are left out: most of them, as dampers and servos do, make
 errors smaller.
 
+Where constraints act, as at an impact, their acceleration a_c changes at a time that is not known within the prediction
+over h: a velocity has the variance (h (a_c - a_c^-))^2 / 12 more.
+
 The errors of rounding to steps of size Delta are alike for as long as the motion takes to cross a step. Over N =
 Delta / |v h| readings they count as one, and so as N times their variance Delta^2 / 12, up to the memory of the
 observer, 2 / alpha readings.
@@ -47,6 +50,7 @@ class GainCovariance:
     def __init__(self, n: int) -> None:
         self._P, self._second, self._ahead = np.zeros((n, 3, 3)), False, 0.0  # [s] that passed since P
         self._noise, self._steps = np.zeros(n), np.zeros(n)
+        self._constraints: Array | None = None  # (n,) acceleration by which constraints acted in the last prediction
         self._deviation = np.zeros(2 * n)
         self.predicted = np.zeros(n)
         """variances (n,) [rad^2, m^2] of the positions before the last reading"""
@@ -58,7 +62,7 @@ class GainCovariance:
         self.learn(variance, steps)
         self._P[:] = 0.0
         self._P[:, 0, 0], self._P[:, 1, 1] = variance, speed**2
-        self.predicted, self._second, self._ahead = variance.copy(), True, 0.0
+        self.predicted, self._second, self._ahead, self._constraints = variance.copy(), True, 0.0, None
         self._deviation = np.append(np.sqrt(variance), np.full(len(variance), speed))
 
     def learn(self, variance: Array, steps: Array) -> None:
@@ -66,8 +70,12 @@ class GainCovariance:
         self._steps = steps
         self._noise = np.maximum(variance - np.square(steps) / 12.0, 0.0)
 
-    def predict(self, h: float) -> None:
-        """Let h [s] pass."""
+    def predict(self, h: float, constraints: Array | None = None) -> None:
+        """Let h [s] pass, at whose end constraints act by an acceleration (n,) [rad/s^2, m/s^2], if there are any."""
+        if constraints is not None and constraints.shape == self.predicted.shape:  # one for each component
+            if self._constraints is not None:
+                self._P[:, 1, 1] += np.square(h * (constraints - self._constraints)) / 12.0
+            self._constraints = constraints
         self._ahead += h
 
     def correct(self, L: Array, weights: tuple[Array, Array, Array], rate: Array, h: float) -> None:

@@ -61,6 +61,7 @@ class ModelLearning:
             np.zeros((0, p)),
             np.zeros((2, 0)),
         )  # sums of Phi_j' tau_j, and of tau_j^2 and its error
+        self._touching = 0  # constraints of contacts and limits
         self._waiting: deque[tuple[Array, Array, NDArray[np.bool_]]] = deque(maxlen=_OFTEN + 1)
         self._count: Array | float = 0.0  # (n,) of the samples that are not forgotten
         self._samples, self._next = 0, _SOONEST
@@ -68,6 +69,15 @@ class ModelLearning:
         self.theta, self.used = np.zeros(p), np.zeros(p)
         """parameters (p,) by least squares, and those that the model was given last"""
         self.found = self.known = False
+
+    def touch(self, count: int) -> None:
+        """Note the number of contacts and limits that act: no window spans a change of it, across which a motion is not
+        as smooth as its derivatives are taken to be.
+        """
+        if count != self._touching:
+            self._past.clear()
+            self._waiting.clear()
+            self._touching = count
 
     def read(self, t: float, y: Array, u: Array) -> Step | None:
         """Take a reading y (nq,) of t [s], before which u (nu,) was held; return the step that is to be used from now

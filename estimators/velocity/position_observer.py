@@ -40,7 +40,7 @@ from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.system import closure
+from mathnavi.models.manifold.system import closure, stepped
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 TIME_CONSTANTS = 10.0
@@ -58,7 +58,7 @@ class GatedLaw(ABC):
         self._mission, self._manifold = mission, mission.system.manifold
         self._variance: Array | None = None  # (n,) of a reading, if it is not the declared one
         self._steps: Array | None = None  # (n,) likewise
-        self._closure = closure(mission.system)
+        self._closure, self._stepped = closure(mission.system), stepped(mission.system)
         self._errors = GainCovariance(self._manifold.dimension)
         self.residual: Residual | None = None
         self._gains: tuple[float, tuple[float, float, float], tuple[Array, Array, Array]] | None = None
@@ -95,7 +95,7 @@ class GatedLaw(ABC):
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held."""
         self._predict(h, u)
-        self._errors.predict(h)
+        self._errors.predict(h, None if self._stepped is None else self._stepped.constraint_acceleration)
 
     def correct(self, y: Array, h: float) -> bool:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""

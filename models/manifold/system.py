@@ -73,6 +73,16 @@ class SteppedSystem(LagrangianSystem, Protocol):
         """True if the system has to take its own steps."""
         ...
 
+    @property
+    def constraint_acceleration(self) -> Array:
+        """Acceleration (vector_size,) by which constraints, such as contacts, acted in the last step."""
+        ...
+
+    @property
+    def touching(self) -> int:
+        """Number of constraints of contacts and limits in the last step."""
+        ...
+
     def step(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
         """State x (size,), v (vector_size,) after h [s] from (x, v) with u (nu,) held.
 
@@ -133,6 +143,16 @@ def closure(system: LagrangianSystem) -> Closure | None:
 
 class Step(Protocol):
     """Step of a system, as ``SteppedSystem.step``."""
+
+    @property
+    def constraint_acceleration(self) -> Array:
+        """That of a ``SteppedSystem``."""
+        ...
+
+    @property
+    def touching(self) -> int:
+        """That of a ``SteppedSystem``."""
+        ...
 
     def __call__(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
         """State x (size,), v (vector_size,) after h [s] from (x, v) with u (nu,) and delta (vector_size,) held."""

@@ -23,7 +23,7 @@ _FASTEST = 1e9  # [rad/s, m/s] beyond which there is no step: MuJoCo's own limit
 
 
 class ImplicitStep:
-    """Implicit step of a model; it depends on its arguments only."""
+    """Implicit step of a model; what it returns depends on its arguments only."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = evaluated(model)
@@ -33,6 +33,10 @@ class ImplicitStep:
         self._data = data = mujoco.MjData(self._model)
         self._qpos, self._qvel, self._ctrl = data.qpos, data.qvel, data.ctrl
         self._applied, self._warm_start = data.qfrc_applied, data.qacc_warmstart
+        self.constraint_acceleration: Array = np.zeros(model.nv)
+        """acceleration (nv,) [rad/s^2, m/s^2] by which the constraints acted in the last step"""
+        self.touching = 0
+        """number of constraints of contacts and limits in the last step"""
 
     def __call__(self, q: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
         """Return (q^+ (nq,), v^+ (nv,)) after h [s] with u (nu,) and delta (nv,) held, in steps of at most the model's.
@@ -61,6 +65,7 @@ class ImplicitStep:
         mujoco.mj_fwdAcceleration(model, data)
         self._warm_start[:] = 0.0
         mujoco.mj_fwdConstraint(model, data)
+        self.constraint_acceleration, self.touching = data.qacc - data.qacc_smooth, data.nefc - data.ne - data.nf
         mujoco.mj_implicit(model, data)
         if before is not None:
             q, v = before

@@ -109,6 +109,16 @@ class MechanismSystem:
         self._require_modelled()
         return self._step(x, v, u, h, delta)
 
+    @property
+    def constraint_acceleration(self) -> Array:
+        """Acceleration (nv,) [rad/s^2, m/s^2] by which contacts, limits and other constraints acted in the last step."""
+        return self._step.constraint_acceleration
+
+    @property
+    def touching(self) -> int:
+        """Number of constraints of contacts and limits in the last step."""
+        return self._step.touching
+
     def parameters(self) -> MechanismParameters | None:
         """Parameters that the file may have wrong; None where they cannot be learned.
 

@@ -38,7 +38,7 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
     pairs = zip(names, found.x.T, reference[rows].T, strict=True)
     errors = np.column_stack([difference(name, x, true) for name, x, true in pairs])
     usable = found.usable
-    nees = _nees(errors, found.covariance)
+    nees = squared_by_covariance(errors, found.covariance)
     units = [name_and_unit(name)[1] for name in names]
     position = [k for k, unit in enumerate(units) if unit == "m"][:2]
     figures: dict[str, float] = {}
@@ -64,7 +64,7 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else math.nan
 
 
-def _nees(errors: Array, covariance: Array) -> Array:
+def squared_by_covariance(errors: Array, covariance: Array) -> Array:
     """e' P^-1 e (k,) of errors (k, m) with covariances (k, m, m); NaN without a covariance.
 
     An error in a direction that has no deviation, as a filter declares whose particles are all the same, is infinite.

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import LogError
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.field.scan_map import grid_of_scans
@@ -60,7 +60,8 @@ def _wheels(log: RecordedLog, poses: Array) -> tuple[Array, ...]:
         own = log["scan odometry"].values
         return (own[:1], *(own[k - 1 : k + 1] for k in range(1, len(own))))
     rows = log["odometry"].values[:, :3]
-    marks, at = [], 0
+    marks: list[int] = []
+    at = 0
     for pose in poses:
         same = np.flatnonzero((rows[at:] == pose).all(axis=1))
         if not same.size:
@@ -78,7 +79,7 @@ def walls_of(floor: Floor, used: NDArray[np.bool_], longest: float, name: str) -
     return traced(grid, 0.1, 0.05).walls
 
 
-def beams_of(floor: Floor, count: int) -> Array:
+def beams_of(floor: Floor, count: int) -> Integers:
     """Indices (count,) of beams that are spread evenly over the scan."""
     share = (np.arange(count) + 0.5) / count
     return np.rint(share * (len(floor.angles) - 1)).astype(int)
@@ -118,7 +119,7 @@ def _relative(one: Array, other: Array) -> Array:
     return np.array([c * d[0] + s * d[1], -s * d[0] + c * d[1], float(wrapped(other[2] - one[2]))])
 
 
-def sensor_log(floor: Floor, rows: Array, beams: Array, wheels: Calibration) -> SensorLog:
+def sensor_log(floor: Floor, rows: Integers, beams: Integers, wheels: Calibration) -> SensorLog:
     """Ranges of the ``beams`` at the scans ``rows``, and mean speeds of the wheels between them.
 
     Rows of odometry between two scans have no reliable stamps: they count as evenly spread. A scan whose stamp is not

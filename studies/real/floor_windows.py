@@ -2,9 +2,9 @@
 
 For each window the map is made of the scans at least ``apart`` seconds away from it, and the estimators get evenly
 spread beams of the scans within it and the steps of the wheels, which are calibrated outside of the window too. Two
-places are tried: the whole **floor**, and the **room**, where the map is what scans within 7 m of the middle of the path
-saw up to 10 m, so that the robot knows the room and not where in it. Those that find a pose have an unknown start; the
-others are given the pose of SLAM at the first scan within 0.3 m and 0.15 rad.
+places are tried: the whole **floor**, and the **room**, where the map is what scans within 7 m of the middle of the
+path saw up to 10 m, so that the robot knows the room and not where in it. Those that find a pose have an unknown start;
+the others are given the pose of SLAM at the first scan, with deviations of 0.3 m and 0.15 rad.
 
 A window is **found** if all errors of its last quarter are within 0.3 m and 0.2 rad. Errors are against the poses of
 SLAM at the scans, which are no independent truth. Windows in places that no other scan has seen have no map and are
@@ -71,6 +71,11 @@ class FloorWindow:
     def name(self) -> str:
         """Name of the building."""
         return Path(self.log).name.partition(".log")[0].removesuffix("-corrected")
+
+    @property
+    def case(self) -> str:
+        """Where in the log it begins, in a row."""
+        return f"{self.since:.0f} s"
 
     def rows(self, floor: Floor) -> Integers:
         """Scans of the window."""
@@ -186,7 +191,7 @@ def estimated(window: FloorWindow, beams: int, name: str) -> Measured:
         start=None if name in FINDING else KnownStart((pose[0], pose[1], pose[2]), UNSURE, float(floor.t[rows[0]])),
         period=period,
     )
-    fields = (FINDING | FOLLOWING)[name](walls) | ({"seed": window.seed} if name in FINDING else {})
+    fields = ({**FINDING, **FOLLOWING})[name](walls) | ({"seed": window.seed} if name in FINDING else {})
     run = partial(estimate, name, mission, log, **fields)
     head = SensorLog(log.t[:3], {each: values[:3] for each, values in log.readings.items()})
     found, update = timed(name, run, partial(estimate, name, mission, head, **fields))
@@ -209,7 +214,7 @@ def _row(floor: Floor, window: FloorWindow, beams: int, name: str, measured: Mea
     return row(
         part=window.place,
         log=window.name,
-        case=f"{window.since - floor.t.min():.0f} s",
+        case=window.case,
         beams=beams,
         estimator=name,
         start="unknown" if name in FINDING else "known",

@@ -45,6 +45,7 @@ def gtsam_row(case: BeaconCase, scale: float) -> Row:
     t = drive.log.t[(drive.log.t >= at[0]) & (drive.log.t <= at[-1])]
     poses[:, 2] = np.unwrap(poses[:, 2])
     error = np.column_stack([np.interp(t, at, each) for each in poses.T]) - drive.truth_at(t)
+    rms = float(np.sqrt(np.square(error[:, :2]).sum(axis=1).mean()))
     return row(
         part=case.part,
         log=case.log,
@@ -52,7 +53,8 @@ def gtsam_row(case: BeaconCase, scale: float) -> Row:
         beams=len(drive.mission.beacons),
         estimator=NAME,
         start="reference",
-        position_rms_m=float(np.sqrt(np.square(error[:, :2]).sum(axis=1).mean())),
+        position_rms_m=rms,
+        position_rms_all_m=rms,
         heading_rms_deg=math.degrees(float(np.sqrt(np.square(wrapped(error[:, 2])).mean()))),
         setting=scale,
         update_us=update,
@@ -68,7 +70,8 @@ def smoothed(drive: RecordedDrive, scale: float) -> tuple[Array, Array]:
     ranges = log.readings["beacon_ranges"] / (1.0 + scale)
     bearings = log.readings.get("beacon_bearings", np.full_like(ranges, np.nan))
     inside = (log.t >= drive.t[0]) & (log.t <= drive.t[-1])
-    rows = _rows(log.t, (np.isfinite(ranges) | np.isfinite(bearings)).any(axis=1), inside)
+    reads: NDArray[np.bool_] = np.any(np.isfinite(ranges) | np.isfinite(bearings), axis=1)
+    rows = _rows(log.t, reads, inside)
     truth = drive.truth_at(log.t[rows])
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     keys = [gtsam.symbol("x", k) for k in range(len(rows))]

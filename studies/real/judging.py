@@ -1,6 +1,7 @@
 """Figures of the estimates of a pose against a reference, a row for each log and estimator.
 
-Root mean squares and NEES are over the times at which the estimate may be used. **Sure and wrong** is defined in
+Root mean squares and NEES are over the times at which the estimate may be used, but for the one *all*, of position at
+all times. **Sure and wrong** is defined in
 ``mathnavi.sim.metrics.sure_and_wrong``: OK, with an error of position or heading above three deviations for more than a
 second; a share of all times. **Lock** is the time from the start to the first estimate that may be used and is near,
 as are all that may be used in the ``KEPT`` seconds after it. NEES is divided by the number of states: one of an
@@ -17,6 +18,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
@@ -30,9 +32,10 @@ STATES = ("x [m]", "y [m]", "heading [rad]")
 POSITION, HEADING = 0.3, 0.2  # [m, rad] within which a pose is near
 KEPT = 5.0  # [s]
 COLUMNS = (
-    "part", "log", "case", "beams", "estimator", "start", "found", "position_rms_m", "heading_rms_deg",
-    "velocity_rms_rad_s", "last_error_m", "nees", "usable_share", "wrong_share", "lock_s", "update_us", "setting",
-)  # fmt: skip
+    *("part", "log", "case", "beams", "estimator", "start", "found", "position_rms_m", "position_rms_all_m"),
+    *("heading_rms_deg", "velocity_rms_rad_s", "last_error_m", "nees", "usable_share", "wrong_share", "lock_s"),
+    *("update_us", "setting"),
+)
 """columns of NAME.csv"""
 
 
@@ -60,6 +63,7 @@ def pose_figures(found: EstimateHistory, at: Integers, truth: Array, near: tuple
     wrong = sure_and_wrong(part.t, part.ok, error, part.covariance).any(axis=1)
     return {
         "position_rms_m": figures["position_rms_m"],
+        "position_rms_all_m": float(np.sqrt(np.square(error[:, :2]).sum(axis=1).mean())),
         "heading_rms_deg": figures["heading_rms_deg"],
         "nees": figures["nees_mean"],
         "usable_share": figures["usable_share"],
@@ -68,7 +72,7 @@ def pose_figures(found: EstimateHistory, at: Integers, truth: Array, near: tuple
     }
 
 
-def _lock(t: Array, usable: Array, error: Array, near: tuple[float, float]) -> float:
+def _lock(t: Array, usable: NDArray[np.bool_], error: Array, near: tuple[float, float]) -> float:
     """Time [s] from the first estimate to the lock; NaN if there is none."""
     is_near = (np.hypot(*error[:, :2].T) <= near[0]) & (np.abs(error[:, 2]) <= near[1])
     for k in np.flatnonzero(usable & is_near).tolist():

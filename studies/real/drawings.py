@@ -41,7 +41,8 @@ def figure(drawn: DrawnWindow | None, rows: Sequence[Row]) -> Figure:
     with styled_figure((WIDTH, down * high + _CHARTS)) as page:
         charts: Any = page
         if drawn is not None:
-            above, charts = page.subfigures(2, 1, height_ratios=(down * high, _CHARTS))
+            halves: Any = page.subfigures(2, 1, height_ratios=(down * high, _CHARTS))
+            above, charts = halves
             _building(above.subplots(down, across).ravel(), drawn)
         found, beacons, arm = charts.subplots(1, 3)
         _found(found, rows)
@@ -82,7 +83,7 @@ def _building(panels: Sequence[Axes], drawn: DrawnWindow) -> None:
         axes.add_collection(LineCollection(list(beams), colors=BEAM, linewidths=0.7, zorder=2))
         axes.plot(*drawn.truth[k, :2], "o", markerfacecolor="none", markeredgecolor=TRUTH, markersize=9, zorder=4)
         count = f"{len(poses)} poses can be" if len(poses) > 1 else "one pose is left"
-        axes.set_title(f"after {drawn.t[k]:.0f} s {count}", fontsize=9)
+        axes.set_title(f"after {drawn.t[k]:.0f} s: {count}", fontsize=9)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
 
 

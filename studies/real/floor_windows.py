@@ -34,7 +34,7 @@ from mathnavi.sim.records.table import Row
 from mathnavi.studies.real.floor_logs import Floor, beams_of, calibration, floor_of, sensor_log, walls_of
 from mathnavi.studies.real.judging import HEADING, POSITION, pose_figures, row, timed
 
-FEWEST = 10  # scans of a window that can be measured
+FEWEST, LATE = 10, 3  # scans of a window that can be measured, and of its last quarter
 TAILS = 2.0  # times the deviation of a step is declared: steps have wider tails than a Gaussian
 MAPPED = 0.95  # share of the poses of a window that lie on the map
 NEARBY = 3.0  # [m] from a pose of a window to one of the map's scans
@@ -77,6 +77,11 @@ class FloorWindow:
         """Where in the log it begins, in a row."""
         return f"{self.since:.0f} s"
 
+    @property
+    def last(self) -> float:
+        """Time [s] at which its last quarter begins."""
+        return self.since + 0.75 * self.seconds
+
     def rows(self, floor: Floor) -> Integers:
         """Scans of the window."""
         found: Integers = np.flatnonzero((floor.t >= self.since) & (floor.t < self.since + self.seconds))
@@ -103,9 +108,9 @@ def windows_of(log: str, place: str, count: int, seconds: float, apart: float, s
 
 
 def _can_be_measured(floor: Floor, window: FloorWindow) -> bool:
-    """True with enough scans, a path that the place spans, and other scans near all of it."""
+    """True with enough scans, also in its last quarter, a path that the place spans, and other scans near all of it."""
     rows = window.rows(floor)
-    if len(rows) < FEWEST:
+    if len(rows) < FEWEST or (floor.t[rows] >= window.last).sum() < LATE:
         return False
     path = floor.poses[rows, :2]
     others = floor.poses[window.used(floor), :2]
@@ -209,7 +214,7 @@ def _row(floor: Floor, window: FloorWindow, beams: int, name: str, measured: Mea
     truth = floor.poses[measured.rows]
     error = measured.found.x[measured.at] - truth
     off, turned = np.hypot(*error[:, :2].T), np.abs(wrapped(error[:, 2]))
-    last = floor.t[measured.rows] >= window.since + 0.75 * window.seconds
+    last = floor.t[measured.rows] >= window.last
     near = (off <= POSITION) & (turned <= HEADING)
     return row(
         part=window.place,

@@ -142,21 +142,22 @@ class Real:
     @staticmethod
     def run(config: RealConfig, setup: Setup) -> StudyResult:
         """Run the study on the logs that are at hand."""
-        jobs = Jobs()
+        wanted: dict[str, list[Computation]] = {}
         reasons: dict[str, str] = {}
         for name in config.parts:
             try:
                 files = logs_of(PARTS[name].source, config.data)
-                computations = list(PARTS[name].computations(files, config))
+                wanted[name] = list(PARTS[name].computations(files, config))
             except NotAtHandError as reason:
                 reasons[name] = str(reason)
-                continue
+        jobs = Jobs()
+        for part, computations in wanted.items():
             for function, argument, more in computations:
-                jobs.add(name, function, [argument], **more)
-        done = jobs.done(setup)
-        rows: list[Row] = [row for name in config.parts for each in done.get(name, ()) for row in each]
-        rows += _peers(rows, config, setup)
-        drawn = _drawn(rows, config, setup)
+                jobs.add(part, function, [argument], **more)
+        rows: list[Row] = [row for of_part in jobs.done(setup).values() for each in of_part for row in each]
+        arguments = [argument for computations in wanted.values() for _, argument, _ in computations]
+        rows += _peers(rows, [each for each in arguments if isinstance(each, BeaconCase)], setup)
+        drawn = _drawn(rows, [each for each in arguments if isinstance(each, FloorWindow)], setup)
         return StudyResult(
             summary=_summary(reasons),
             rows=rows,
@@ -167,29 +168,25 @@ class Real:
         )
 
 
-def _peers(rows: Sequence[Row], config: RealConfig, setup: Setup) -> list[Row]:
+def _peers(rows: Sequence[Row], cases: Sequence[BeaconCase], setup: Setup) -> list[Row]:
     """Rows of GTSAM with all beacons, the ranges as recorded and over the scale that our filter found."""
     if not gtsam_smoother.at_hand():
         return []
     jobs = Jobs()
-    for name in ("beacons", "unicycles"):
-        if not chosen(rows, part=name):
-            continue
-        for _, case, _ in PARTS[name].computations(logs_of(PARTS[name].source, config.data), config):
-            if case.knows_start:
-                scales = {row["setting"] for row in chosen(rows, part=name, log=case.log, start="known")}
-                for scale in (0.0, *sorted(each for each in scales if math.isfinite(each))):
-                    jobs.add(name, gtsam_smoother.gtsam_row, [case], scale=scale)
-    return [row for each in jobs.done(setup).values() for row in each]
+    for case in cases:
+        if case.knows_start:
+            scales = {row["setting"] for row in chosen(rows, part=case.part, log=case.log, start="known")}
+            for scale in (0.0, *sorted(each for each in scales if math.isfinite(each))):
+                jobs.add(case.part, gtsam_smoother.gtsam_row, [case], scale=scale)
+    return [row for of_part in jobs.done(setup).values() for row in of_part]
 
 
-def _drawn(rows: Sequence[Row], config: RealConfig, setup: Setup) -> DrawnWindow | None:
+def _drawn(rows: Sequence[Row], windows: Sequence[FloorWindow], setup: Setup) -> DrawnWindow | None:
     """The window for the picture: of those on floors that the bank found, the one in which it took longest."""
     found = [row for row in chosen(rows, part="floor", estimator=BANK, found=True) if math.isfinite(row["lock_s"])]
     if not found:
         return None
     best = max(found, key=lambda row: (row["beams"] == MANY, row["lock_s"]))
-    windows = _windows(logs_of(FLOORS, config.data), config)
     window = next(
         each for each in windows if (each.name, each.place, each.case) == (best["log"], "floor", best["case"])
     )

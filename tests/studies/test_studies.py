@@ -31,6 +31,7 @@ from mathnavi.studies.framework.study import Setup, StudyResult, as_csv, on_terr
 from mathnavi.studies.introduction.cost_measurement import CURVES
 from mathnavi.studies.nodes.missile_closed_loop import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.studies.nodes.missile_nodes import SCHEMES
+from mathnavi.studies.real.floor_windows import FOLLOWING
 from mathnavi.studies.riemannian import mechanisms
 from tests.studies.real.logs import write_building, write_plaza
 
@@ -108,6 +109,7 @@ SMALLER: dict[str, dict[str, Any]] = {
         **{"introduction.cost_measurement.FLOWN": 2.0, "introduction.cost_measurement.UPDATES": 8},
         **{f"introduction.{module}.CURVES": SMALL_CURVES for module in ("cost_measurement", "scaling")},
     },
+    "real": {"real.floor_windows.FOLLOWING": {"range_ekf": FOLLOWING["range_ekf"]}},
     "mechanisms": {"riemannian.mechanisms.BEGIN": 0.05},
     "real-arms": {
         **{"riemannian.real_arms.BEGIN": 0.05, "riemannian.faulty_arms.SETTLED": 0.05},
@@ -334,7 +336,7 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path, monke
 
 def small_logs(folder: Path) -> dict[str, Any]:
     """Fields of the study of real logs for logs in a folder that have two parts of four."""
-    write_building(folder / "carmen" / "room-corrected.log", 8)
+    write_building(folder / "carmen" / "room-corrected.log", 5)
     write_plaza(folder / "plaza" / "Plaza1_.mat", 120)
     return {"data": folder, "beams": (4,), "seconds": 40.0, "apart": 10.0}
 

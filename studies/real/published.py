@@ -114,7 +114,7 @@ def _fetched(source: LogSource) -> tuple[str, ...]:
         raise NotAtHandError(f"{source.folder} is not published file by file; --data FOLDER names where it lies")
     pooch = peer("pooch")
     if pooch is None:
-        raise NotAtHandError("pooch is not installed (pip install 'mathnavi[data]'), and no --data FOLDER is given")
+        raise NotAtHandError("pooch is not installed (pip install 'mathnavi[logs]'), and no --data FOLDER is given")
     cache = cache_folder()
     if cache is None:
         raise NotAtHandError("no folder for what is fetched can be written to; --data FOLDER names where it lies")

@@ -227,7 +227,7 @@ def ur10e_log(file: str) -> RecordedLog:
 
 
 @dataclass(frozen=True)
-class ArmCase:
+class ArmComparison:
     """An arm, the log that it is identified and the rivals are tuned on, and the logs on which they are compared."""
 
     tune: Annotated[str, InputFile()]
@@ -235,7 +235,7 @@ class ArmCase:
     mechanism: MechanismPlace
 
 
-def arm_rows(case: ArmCase) -> list[Row]:
+def arm_rows(case: ArmComparison) -> list[Row]:
     """A job: rows of every filter over the logs of an arm."""
     tests = [ur10e_log(file) for file in case.tests]
     found = compare(ur10e_log(case.tune), tests, case.mechanism, UR_POSITION, UR_TORQUE)

@@ -101,13 +101,15 @@ def windows_of(log: str, place: str, count: int, seconds: float, apart: float, s
     found: list[FloorWindow] = []
     for since in np.arange(floor.t.min(), floor.t.max() - seconds, EVERY).tolist():
         window = FloorWindow(log, place, since, seconds, apart, seed)
-        if (not found or since >= found[-1].since + seconds) and _can_be_measured(floor, window):
+        if (not found or since >= found[-1].since + seconds) and _has_others_near(floor, window):
             found.append(window)
-    chosen = sorted({round(k) for k in np.linspace(0, len(found) - 1, min(count, len(found)))})
-    return [found[k] for k in chosen]
+    # Maps take a while: each share of the log has its first window that is on its own.
+    shares = np.array_split(np.arange(len(found)), min(count, len(found))) if found else []
+    of_share = (next((found[k] for k in share.tolist() if on_map(floor, found[k])), None) for share in shares)
+    return [each for each in of_share if each is not None]
 
 
-def _can_be_measured(floor: Floor, window: FloorWindow) -> bool:
+def _has_others_near(floor: Floor, window: FloorWindow) -> bool:
     """True with enough scans, also in its last quarter, a path that the place spans, and other scans near all of it."""
     rows = window.rows(floor)
     if len(rows) < FEWEST or (floor.t[rows] >= window.last).sum() < LATE:
@@ -117,7 +119,7 @@ def _can_be_measured(floor: Floor, window: FloorWindow) -> bool:
     if (np.ptp(path, axis=0) > PLACES[window.place].widest).any() or not len(others):
         return False
     nearest = np.array([np.hypot(*(others - each).T).min() for each in path])
-    return bool((nearest <= NEARBY).all()) and on_map(floor, window)
+    return bool((nearest <= NEARBY).all())
 
 
 def on_map(floor: Floor, window: FloorWindow) -> bool:
@@ -169,7 +171,7 @@ LEFT_OUT = (
 
 
 @dataclass(frozen=True)
-class Measured:
+class WindowEstimates:
     """Estimates over a window: the scans, their rows among the estimates, and the CPU time of an update [us]."""
 
     rows: Integers
@@ -178,7 +180,7 @@ class Measured:
     update: float
 
 
-def estimated(window: FloorWindow, beams: int, name: str) -> Measured:
+def estimated(window: FloorWindow, beams: int, name: str) -> WindowEstimates:
     """Estimates of an estimator with evenly spread beams over a window."""
     floor, walls = floor_of(Path(window.log)), walls_for(window)
     place, rows, chosen = PLACES[window.place], window.rows(floor), beams_of(floor, beams)
@@ -201,7 +203,7 @@ def estimated(window: FloorWindow, beams: int, name: str) -> Measured:
     head = SensorLog(log.t[:3], {each: values[:3] for each, values in log.readings.items()})
     found, update = timed(name, run, partial(estimate, name, mission, head, **fields))
     rows = rows[np.isin(floor.t[rows], log.t)]
-    return Measured(rows, np.searchsorted(found.t, floor.t[rows]), found, update)
+    return WindowEstimates(rows, np.searchsorted(found.t, floor.t[rows]), found, update)
 
 
 def window_rows(window: FloorWindow, beams: int) -> list[Row]:
@@ -210,7 +212,7 @@ def window_rows(window: FloorWindow, beams: int) -> list[Row]:
     return [_row(floor, window, beams, name, estimated(window, beams, name)) for name in (*FINDING, *FOLLOWING)]
 
 
-def _row(floor: Floor, window: FloorWindow, beams: int, name: str, measured: Measured) -> Row:
+def _row(floor: Floor, window: FloorWindow, beams: int, name: str, measured: WindowEstimates) -> Row:
     truth = floor.poses[measured.rows]
     error = measured.found.x[measured.at] - truth
     off, turned = np.hypot(*error[:, :2].T), np.abs(wrapped(error[:, 2]))

@@ -24,7 +24,7 @@ from mathnavi.models.mechanism.entity import file_of
 from mathnavi.renders.study_report import Table
 from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
 from mathnavi.studies.real import gtsam_smoother
-from mathnavi.studies.real.arm_filters import ArmCase, arm_rows
+from mathnavi.studies.real.arm_filters import ArmComparison, arm_rows
 from mathnavi.studies.real.beacon_logs import BeaconCase, beacon_rows
 from mathnavi.studies.real.drawings import figure
 from mathnavi.studies.real.floor_windows import (
@@ -68,7 +68,7 @@ Computation = tuple[Callable[..., list[Row]], Any, Mapping[str, Any]]  # functio
 
 
 @dataclass(frozen=True)
-class Part:
+class LogPart:
     """Logs of one kind, and what is computed over them."""
 
     source: LogSource
@@ -120,14 +120,14 @@ def _arm(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
         file_of(config.arm)
     except FieldError as fault:
         raise NotAtHandError(str(fault).partition("; allowed")[0]) from fault
-    yield arm_rows, ArmCase(tune, tests, config.arm), {}
+    yield arm_rows, ArmComparison(tune, tests, config.arm), {}
 
 
-PARTS: Mapping[PartName, Part] = {
-    "floors": Part(FLOORS, _floors, ("floor", "room")),
-    "beacons": Part(BEACONS, _beacons, ("beacons",)),
-    "unicycles": Part(UNICYCLES, _unicycles, ("unicycles",)),
-    "arm": Part(ARMS, _arm, ("arm",)),
+PARTS: Mapping[PartName, LogPart] = {
+    "floors": LogPart(FLOORS, _floors, ("floor", "room")),
+    "beacons": LogPart(BEACONS, _beacons, ("beacons",)),
+    "unicycles": LogPart(UNICYCLES, _unicycles, ("unicycles",)),
+    "arm": LogPart(ARMS, _arm, ("arm",)),
 }
 
 

@@ -23,7 +23,7 @@ Verdict = tuple[str, bool | None]  # what was measured, and whether it holds
 
 
 @dataclass(frozen=True)
-class Target:
+class RealTarget:
     """Claim of the study: ``judge`` says what was measured, of rows of which there is one or more."""
 
     id: str
@@ -114,27 +114,27 @@ def judge_arm(rows: Sequence[Row]) -> Verdict:
 
 _MAPS = "test scans at least 60 s from any scan of the map, errors against SLAM's poses"
 TARGETS = (
-    Target(
+    RealTarget(
         "real.room", "room", "With few beams of a laser a robot finds itself in a real room.", "C.4",
         f"within 0.3 m and 0.2 rad over the last quarter of 60 s in {FOUND:.0%} of the windows with {FEW} beams and "
         f"all with {MANY}, sure and wrong at most {100.0 * MOST_WRONG:g}% of the time; {_MAPS}", judge_room,
     ),
-    Target(
+    RealTarget(
         "real.floor", "floor", "With eight beams and odometry a robot finds itself on a whole real floor.", "C.4",
         f"from an unknown start within 0.3 m and 0.2 rad over the last quarter of 60 s in {FOUND:.0%} of the windows "
         f"of the Intel lab and of Freiburg 101, {MANY} beams; {_MAPS}", judge_floor,
     ),
-    Target(
+    RealTarget(
         "real.beacons", "beacons", "Among radio beacons a robot is located as well as by the best smoother.", "C.4",
         f"RMS error at all times at most {ON_LINE:g} of GTSAM's batch smoother on line, at most {SMOOTHED:g} smoothed; "
         "GTSAM with the scale of the ranges that the filter found", judge_beacons,
     ),
-    Target(
+    RealTarget(
         "real.unicycles", "unicycles", "Among landmarks a unicycle is located as well as by the best smoother.", "C.4",
         f"RMS error at all times at most {ON_LINE:g} of GTSAM's batch smoother on line, at most {SMOOTHED:g} smoothed, "
         "each robot", judge_beacons,
     ),
-    Target(
+    RealTarget(
         "real.arm", "arm", "Velocities of a real arm are better than by tuned filters.", "D.6",
         f"RMS error at most {OF_BEST:g} of the best of Butterworth, constant-acceleration Kalman filter and momentum "
         "observer, tuned on another log", judge_arm,

@@ -71,14 +71,14 @@ def smoothed(drive: RecordedDrive, scale: float) -> tuple[Array, Array]:
     bearings = log.readings.get("beacon_bearings", np.full_like(ranges, np.nan))
     inside = (log.t >= drive.t[0]) & (log.t <= drive.t[-1])
     reads: NDArray[np.bool_] = np.any(np.isfinite(ranges) | np.isfinite(bearings), axis=1)
-    rows = _rows(log.t, reads, inside)
+    rows = pose_rows(log.t, reads, inside)
     truth = drive.truth_at(log.t[rows])
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     keys = [gtsam.symbol("x", k) for k in range(len(rows))]
     for key, pose in zip(keys, truth, strict=True):
         values.insert(key, gtsam.Pose2(*pose))
     graph.add(gtsam.PriorFactorPose2(keys[0], gtsam.Pose2(*truth[0]), diagonal(np.array(KNOWN))))
-    for k, (step, deviation) in enumerate(_steps(drive, rows)):
+    for k, (step, deviation) in enumerate(steps_between(drive, rows)):
         graph.add(gtsam.BetweenFactorPose2(keys[k], keys[k + 1], gtsam.Pose2(*step), diagonal(deviation)))
     points = [gtsam.symbol("l", i) for i in range(len(mission.beacons))]
     exact = gtsam.noiseModel.Isotropic.Sigma(2, 1e-4)
@@ -100,7 +100,7 @@ def smoothed(drive: RecordedDrive, scale: float) -> tuple[Array, Array]:
     return log.t[rows], np.array([[each.x(), each.y(), each.theta()] for each in poses])
 
 
-def _rows(t: Array, reads: NDArray[np.bool_], inside: NDArray[np.bool_]) -> Integers:
+def pose_rows(t: Array, reads: NDArray[np.bool_], inside: NDArray[np.bool_]) -> Integers:
     """Rows of the log that have a pose: those with readings, and others so that none is far from the one before."""
     rows: list[int] = []
     for k in np.flatnonzero(inside).tolist():
@@ -109,7 +109,7 @@ def _rows(t: Array, reads: NDArray[np.bool_], inside: NDArray[np.bool_]) -> Inte
     return np.array(rows)
 
 
-def _steps(drive: RecordedDrive, rows: Integers) -> list[tuple[Array, Array]]:
+def steps_between(drive: RecordedDrive, rows: Integers) -> list[tuple[Array, Array]]:
     """Motion (3,) by the odometry from each row of the log to the next, in the pose before, and its deviations."""
     log, mission = drive.log, drive.mission
     as_input = log.inputs if mission.odometry_is_input else None

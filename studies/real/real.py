@@ -135,7 +135,7 @@ class Real:
     """Estimators on logs that others have recorded: buildings, beacons, landmarks, an arm."""
 
     Config = RealConfig
-    quick = RealConfig(parts=("floors", "beacons"), windows=1, beams=(4,))
+    quick = RealConfig(parts=("beacons",), windows=1, beams=(2,))
     title = "From a real log to an estimate"
     on_terrain = False
 

@@ -37,7 +37,6 @@ from mathnavi.sim.logs.recorded_log import Channel, RecordedLog
 from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.encoding import MeasuredTime
-from mathnavi.sim.records.reference_figures import squared_by_covariance
 from mathnavi.sim.records.table import Row
 from mathnavi.studies.real.judging import row
 
@@ -110,16 +109,20 @@ class Observed:
 
     v: Array  # (n, nv) [rad/s]
     status: tuple[Status, ...]  # (n,)
-    covariance: Array  # (n, nv, nv) of the velocities; NaN where there is none
+    deviation: Array  # (n, nv) [rad/s] that it declares
 
     def judged(self, log: ArmLog) -> dict[str, float]:
-        """NEES by the number of joints, and shares of the estimates that may be used and that are sure and wrong."""
+        """NEES by the number of joints, and shares of the estimates that may be used and that are sure and wrong.
+
+        A velocity is wrong that is off by more than three of its own declared deviations.
+        """
         rows = np.isfinite(log.reference[:, 0]) & (log.t >= log.t[0] + SETTLED)
-        error, P = (self.v - log.reference)[rows], self.covariance[rows]
+        error, deviation = (self.v - log.reference)[rows], self.deviation[rows]
         ok = np.array([each is Status.OK for each in self.status])[rows]
         usable = np.array([each.usable for each in self.status])[rows]
-        wrong = sure_and_wrong(log.t[rows], ok, error, P, (slice(0, error.shape[1]),))
-        nees = squared_by_covariance(error, P)[usable] / error.shape[1]
+        joints, covariance = range(error.shape[1]), deviation[:, :, None] ** 2 * np.eye(error.shape[1])
+        wrong = sure_and_wrong(log.t[rows], ok, error, covariance, [slice(k, k + 1) for k in joints]).any(axis=1)
+        nees = np.square(error / deviation).mean(axis=1)[usable]
         return {
             "nees": float(nees.mean()) if usable.any() else math.nan,
             "usable_share": float(usable.mean()),
@@ -137,10 +140,10 @@ def observed(log: ArmLog, model: mujoco.MjModel, method: str, noise: float, **fi
     for k, t in enumerate(log.t):
         held = 0.5 * (log.u[max(k - 1, 0)] + log.u[k])
         found.append(estimator.update(float(t), [Measurement(POSITION, float(t), log.q[k])], held))
-    none = np.full((model.nv, model.nv), np.nan)
-    covariance = [none if each.covariance is None else each.covariance[model.nv :, model.nv :] for each in found]
     return Observed(
-        np.array([each.x[model.nq :] for each in found]), tuple(each.status for each in found), np.array(covariance)
+        np.array([each.x[model.nq :] for each in found]),
+        tuple(each.status for each in found),
+        np.array([each.extra["deviation"][-model.nv :] for each in found]),
     )
 
 

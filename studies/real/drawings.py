@@ -119,7 +119,8 @@ def _found(axes: Axes, rows: Sequence[Row]) -> None:
 
 def _beacons(axes: Axes, rows: Sequence[Row]) -> None:
     """Error of position with all beacons, by log and method."""
-    own = [row for part in ("beacons", "unicycles") for row in _whole(chosen(rows, part=part))]
+    every = [row for part in ("beacons", "unicycles") for row in _whole(chosen(rows, part=part))]
+    own = [row for log in dict.fromkeys(row["log"] for row in every) for row in chosen(every, log=log)]
     labels = [f"{row['log']}, {row['estimator']}" for row in own]
     colours = {"beacon_bank": "#0d5fa8", "smoother of beacon_bank": "#6fb0dc"}
     axes.barh(
@@ -166,5 +167,5 @@ def _arm(axes: Axes, rows: Sequence[Row]) -> None:
 
 
 def _none(axes: Axes) -> None:
-    axes.text(0.5, 0.5, "not at hand", transform=axes.transAxes, ha="center", va="center")
+    axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", va="center")
     axes.set(xticks=[], yticks=[])

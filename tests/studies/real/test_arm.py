@@ -41,6 +41,7 @@ def test_it_compares_all_filters_on_another_log(monkeypatch: pytest.MonkeyPatch)
     assert found["riemannian_observer"].error < butterworth
     assert found["riemannian_observer"].judged["wrong_share"] < 0.05
     assert found["riemannian_observer"].judged["usable_share"] > 0.9
+    assert 0.01 < found["riemannian_observer"].judged["nees"] < 10.0
 
 
 def test_a_table_of_the_ur10e_has_positions_first_and_torques_last(tmp_path: Path) -> None:

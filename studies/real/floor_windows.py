@@ -3,8 +3,8 @@
 For each window the map is made of the scans at least ``apart`` seconds away from it, and the estimators get evenly
 spread beams of the scans within it and the steps of the wheels, which are calibrated outside of the window too. Two
 places are tried: the whole **floor**, and the **room**, where the map is what scans within 7 m of the middle of the
-path saw up to 10 m, so that the robot knows the room and not where in it. Those that find a pose have an unknown start;
-the others are given the pose of SLAM at the first scan, with deviations of 0.3 m and 0.15 rad.
+path saw up to 10 m and beams reach 7 m, so that the robot knows the room and not where in it. Those that find a pose
+have an unknown start; the others are given the pose of SLAM at the first scan, with deviations of 0.3 m and 0.15 rad.
 
 A window is **found** if all errors of its last quarter are within 0.3 m and 0.2 rad. Errors are against the poses of
 SLAM at the scans, which are no independent truth. Windows in places that no other scan has seen have no map and are
@@ -50,10 +50,11 @@ class Place:
 
     widest: float  # [m] the path of the window spans at most, either way
     around: float  # [m] from the middle of the path to the scans of the map
-    longest: float  # [m] of a range; from there on it counts as one without an echo
+    longest: float  # [m] of a range of the map; from there on it counts as one without an echo
+    reach: float  # [m] of the beams, likewise: what they read the map has, also where it sees through a door
 
 
-PLACES = {"floor": Place(math.inf, math.inf, 30.0), "room": Place(8.0, 7.0, 10.0)}
+PLACES = {"floor": Place(math.inf, math.inf, 30.0, 30.0), "room": Place(8.0, 7.0, 10.0, 7.0)}
 
 
 @dataclass(frozen=True)
@@ -193,7 +194,7 @@ def estimated(window: FloorWindow, beams: int, name: str) -> WindowEstimates:
     mission = RangingMission(
         walls,
         tuple(floor.angles[chosen].tolist()),
-        RangeQuality(0.01, 0.1, outliers=0.15, maximum=place.longest),
+        RangeQuality(0.01, 0.1, outliers=0.15, maximum=place.reach),
         OdometryQuality((noise[0], noise[1]), 0.02),
         start=None if name in FINDING else KnownStart((pose[0], pose[1], pose[2]), UNSURE, float(floor.t[rows[0]])),
         period=period,
@@ -261,5 +262,5 @@ def drawn_window(window: FloorWindow, beams: int) -> DrawnWindow:
         found.x[at],
         floor.poses[measured.rows],
         floor.angles[chosen],
-        np.where(ranges < PLACES[window.place].longest, ranges, np.nan),
+        np.where(ranges < PLACES[window.place].reach, ranges, np.nan),
     )

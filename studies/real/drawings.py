@@ -55,7 +55,7 @@ def _shape(drawn: DrawnWindow) -> tuple[int, int, float]:
     """Panels down and across, and the height of one [inch]."""
     low, high = _box(drawn)
     wide, tall = (high - low).tolist()
-    across = 2 if wide > 1.5 * tall else 3
+    across = 2 if wide > 1.5 * tall else PANELS if tall > 2.0 * wide else 3
     return math.ceil(PANELS / across), across, WIDTH / across * tall / wide + 0.35
 
 

@@ -23,7 +23,7 @@ from mathnavi.interfaces.field_table import TOGETHER
 from mathnavi.models.mechanism.entity import file_of
 from mathnavi.renders.study_report import Table
 from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
-from mathnavi.studies.real import gtsam_smoother
+from mathnavi.studies.real import gtsam_smoother, targets
 from mathnavi.studies.real.arm_filters import ArmComparison, arm_rows
 from mathnavi.studies.real.beacon_logs import BeaconCase, beacon_rows
 from mathnavi.studies.real.drawings import figure
@@ -182,11 +182,14 @@ def _peers(rows: Sequence[Row], cases: Sequence[BeaconCase], setup: Setup) -> li
 
 
 def _drawn(rows: Sequence[Row], windows: Sequence[FloorWindow], setup: Setup) -> DrawnWindow | None:
-    """The window for the picture: of those on floors that the bank found, the one in which it took longest."""
+    """The window for the picture: of those on floors that the bank found, the one in which it took longest.
+
+    Most beams come first, and then the first floor of which the target speaks.
+    """
     found = [row for row in chosen(rows, part="floor", estimator=BANK, found=True) if math.isfinite(row["lock_s"])]
     if not found:
         return None
-    best = max(found, key=lambda row: (row["beams"] == MANY, row["lock_s"]))
+    best = max(found, key=lambda row: (row["beams"] == MANY, row["log"] == targets.FLOORS[0], row["lock_s"]))
     window = next(
         each for each in windows if (each.name, each.place, each.case) == (best["log"], "floor", best["case"])
     )

@@ -38,7 +38,7 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
     pairs = zip(names, found.x.T, reference[rows].T, strict=True)
     errors = np.column_stack([difference(name, x, true) for name, x, true in pairs])
     usable = found.usable
-    nees = _nees(errors, found.covariance)
+    nees = squared_by_covariance(errors, found.covariance)
     units = [name_and_unit(name)[1] for name in names]
     position = [k for k, unit in enumerate(units) if unit == "m"][:2]
     figures: dict[str, float] = {}
@@ -64,10 +64,16 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else math.nan
 
 
-def _nees(errors: Array, covariance: Array) -> Array:
-    """e' P^-1 e (k,) of errors (k, m) with covariances (k, m, m); NaN without a covariance."""
+def squared_by_covariance(errors: Array, covariance: Array) -> Array:
+    """e' P^-1 e (k,) of errors (k, m) with covariances (k, m, m); NaN without a covariance.
+
+    An error in a direction that has no deviation, as a filter declares whose particles are all the same, is infinite.
+    """
     nees = np.full(len(errors), np.nan)
     known = np.isfinite(covariance).all(axis=(1, 2))
-    solved = np.linalg.solve(covariance[known], errors[known][:, :, None])[:, :, 0] if known.any() else errors[:0]
-    nees[known] = np.einsum("km,km->k", errors[known], solved)
+    variances, axes = np.linalg.eigh(covariance[known])
+    along = np.square(np.einsum("kmj,km->kj", axes, errors[known]))
+    with np.errstate(divide="ignore"):
+        terms = np.divide(along, np.maximum(variances, 0.0), out=np.zeros_like(along), where=along > 0.0)
+    nees[known] = terms.sum(axis=1)
     return nees

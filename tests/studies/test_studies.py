@@ -31,7 +31,9 @@ from mathnavi.studies.framework.study import Setup, StudyResult, as_csv, on_terr
 from mathnavi.studies.introduction.cost_measurement import CURVES
 from mathnavi.studies.nodes.missile_closed_loop import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.studies.nodes.missile_nodes import SCHEMES
+from mathnavi.studies.real.floor_windows import FOLLOWING
 from mathnavi.studies.riemannian import mechanisms
+from tests.studies.real.logs import write_building, write_plaza
 
 SMALLEST: dict[str, dict[str, int]] = {
     "horizon": {"seeds": 1},
@@ -79,6 +81,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
     "terrain": {"synthetic": 2, "real": 1, "plans": 10},
     "hunt": {"missions": 2, "hostile": 2, "tries": 1, "draws": 1, "repeats": 1},
+    "real": {"windows": 1},
 }
 STUDIES = "mathnavi.studies"
 SHORT = {"DURATION": 6.0, "TIMES": (2.0, 4.0, 6.0)}  # [s]
@@ -106,6 +109,7 @@ SMALLER: dict[str, dict[str, Any]] = {
         **{"introduction.cost_measurement.FLOWN": 2.0, "introduction.cost_measurement.UPDATES": 8},
         **{f"introduction.{module}.CURVES": SMALL_CURVES for module in ("cost_measurement", "scaling")},
     },
+    "real": {"real.floor_windows.FOLLOWING": {"range_ekf": FOLLOWING["range_ekf"]}},
     "mechanisms": {"riemannian.mechanisms.BEGIN": 0.05},
     "real-arms": {
         **{"riemannian.real_arms.BEGIN": 0.05, "riemannian.faulty_arms.SETTLED": 0.05},
@@ -159,6 +163,7 @@ CLAIMS = {
     "monitors": {"B.arclength-best-problems", "ocp.monitors-radau"},
     "active-control": {"range.active", "range.active-limit", "C.input-decides", "C.basis", "C.deliberate"},
     "mismatch": {"mismatch.converged", "mismatch.sure-and-wrong", "mismatch.consistency"},
+    "real": {"real.room", "real.floor", "real.beacons", "real.unicycles", "real.arm"},
     "integrity": {"integrity.sure-and-wrong", "integrity.false-alarm", "integrity.recovers"},
     "introduction-examples": {
         *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),
@@ -224,7 +229,8 @@ UNMEASURED = {
     "ocp-outside",
     "ocp-rounding",
     "arrival",
-}  # over these hills no mission may arrive; not all are solved
+    "real",
+}  # over these hills no mission may arrive; not all are solved, or at hand
 LAID_OUT = {"horizon", "contraction", "fleet-peers"}
 """whose figures are laid out and stand on the page as for a user; those of the others are drawn as they come"""
 NARROW, BROAD, WIDE = 100.0, 200.0, 330.0  # [m]
@@ -308,7 +314,7 @@ def test_every_study_is_in_this_suite() -> None:
 def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One test for everything, so that each study is run once."""
     plugin = load("studies", name)
-    config = plugin.Config(**SMALLEST[name])
+    config = plugin.Config(**SMALLEST[name], **(small_logs(tmp_path / "logs") if name == "real" else {}))
     with Store.open(tmp_path / "trials.db") as store:
         setup = Setup(hills if on_terrain(plugin) else None, store)
         result: StudyResult = plugin.run(config, setup)
@@ -326,6 +332,13 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path, monke
         assert as_csv(again.rows) == as_csv(result.rows)
     assert_claims(name, result)
     assert_files(tmp_path, name, result, "hills" if on_terrain(plugin) else None)
+
+
+def small_logs(folder: Path) -> dict[str, Any]:
+    """Fields of the study of real logs for logs in a folder that have two parts of four."""
+    write_building(folder / "carmen" / "room-corrected.log", 5)
+    write_plaza(folder / "plaza" / "Plaza1_.mat", 120)
+    return {"data": folder, "beams": (4,), "seconds": 40.0, "apart": 10.0}
 
 
 def draws(function: object) -> bool:

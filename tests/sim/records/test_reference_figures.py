@@ -9,7 +9,7 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.interfaces.signals import Status
-from mathnavi.sim.records.reference_figures import reference_figures
+from mathnavi.sim.records.reference_figures import reference_figures, squared_by_covariance
 
 NAMES = ("x [m]", "y [m]", "heading [rad]")
 
@@ -46,3 +46,12 @@ def test_a_state_that_is_no_pose_has_its_own_figure_and_nothing_usable_has_none(
     assert math.isnan(found["rms w [rad/s]"])
     assert math.isnan(found["nees_mean"])
     assert (found["usable_share"], found["wrong_share"]) == (0.0, 0.0)
+
+
+def test_an_error_without_a_deviation_is_infinite_and_none_is_zero() -> None:
+    """Particles that are all the same declare no deviation."""
+    errors, P = np.array([[0.2, 0.0], [0.2, 0.1], [0.0, 0.0]]), np.diag([0.04, 0.0])
+    found = squared_by_covariance(errors, np.tile(P, (3, 1, 1)))
+    np.testing.assert_allclose(found[[0, 2]], [1.0, 0.0])
+    assert math.isinf(found[1])
+    assert np.isnan(squared_by_covariance(errors, np.full((3, 2, 2), np.nan))).all()

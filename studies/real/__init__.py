@@ -1,0 +1,1 @@
+"""Estimators on logs that others have recorded and published."""

@@ -1,0 +1,150 @@
+"""Where the logs of the study were published, and how they come onto this machine.
+
+Logs are taken from a folder with a subfolder for each part, or fetched from where they were published. What is fetched
+is checked by its SHA-256 digest (``pooch``) and kept in the cache of this package. None of it is part of this
+repository: for most of it no licence is stated.
+
+| folder | what | published by |
+|---|---|---|
+| ``carmen`` | scans of buildings with poses by SLAM, of Radish | github.com/acschaefer/ple |
+| ``plaza`` | a lawn mower among four radio beacons (Djugash et al.) | github.com/borglab/gtsam |
+| ``mrclam6`` | unicycles among landmarks (Leung et al., 2011) | MR.CLAM, data set 6; not fetched |
+| ``ur10e`` | an arm, its positions and torques | github.com/shamilmamedov/dynamic_calibration |
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mathnavi.interfaces.cache_folder import cache_folder
+
+_GITHUB = "https://raw.githubusercontent.com"
+_PLE = f"{_GITHUB}/acschaefer/ple/cfcb5a7f12a793b616357381a688cfcc26eed347/data/carmen"
+_GTSAM = f"{_GITHUB}/borglab/gtsam/0ffe6c930302ebd297484e65e6e8d467c91d26b0/examples/Data"
+_UR10E = (
+    f"{_GITHUB}/shamilmamedov/dynamic_calibration/11af40e7deb758ec080a175fed8fcdd6c99aca29"
+    "/dataset_ur10e/identification_data"
+)
+_PATIENCE = 30.0  # [s] for an answer
+
+
+class NotAtHandError(RuntimeError):
+    """The logs of a part are not on this machine and could not be fetched; the message says why."""
+
+
+@dataclass(frozen=True)
+class PublishedFile:
+    """File that was published."""
+
+    address: str
+    digest: str  # SHA-256
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self.address.rpartition("/")[2]
+
+
+@dataclass(frozen=True)
+class LogSource:
+    """Logs of one kind: where they lie in a folder, and where they were published."""
+
+    folder: str
+    patterns: tuple[str, ...]  # of the names of its files
+    published: tuple[PublishedFile, ...] = ()  # those that can be fetched
+
+
+FLOORS = LogSource(
+    "carmen",
+    ("*.log", "*.log.gz"),
+    tuple(
+        PublishedFile(f"{_PLE}/{name}-corrected.log.gz", digest)
+        for name, digest in (
+            ("intel", "71bef16e9926506cf7417995ef35ace09dbd5de067fd042a3aab85188b5480dc"),
+            ("freiburg-101", "7792de88bcb050f8edba92914aea75e8ec2fb73b483c01903bd2753aa655e982"),
+            ("fhw", "4233abbfbc15baaddc730aceb3482dc660b25c9d5757005fff97a3fe083595b8"),
+            ("edmonton", "96599a91e0cc9cb2570dbb92f92bbdf1e3a405b16aa99f6d3ce1a703011befdb"),
+        )
+    ),
+)
+BEACONS = LogSource(
+    "plaza",
+    ("*.mat",),
+    (
+        PublishedFile(
+            f"{_GTSAM}/Plaza1_.mat", "9ccbfec19942eabecfa3206bff983bf708b98d6c7db462d81c55376f92d75847"
+        ),
+    ),
+)  # fmt: skip
+UNICYCLES = LogSource("mrclam6", ("*.dat", "*.dat.gz"))
+ARMS = LogSource(
+    "ur10e",
+    ("*.csv", "*.csv.gz"),
+    tuple(
+        PublishedFile(f"{_UR10E}/{name}.csv", digest)
+        for name, digest in (
+            ("ur-19_12_23_free", "62555d25fdcb989b6c97a9194f2c13d8cccdce99457c55696b83e107030f2a1f"),
+            ("ur-20_01_31-load", "5abab622cdbd53db78fe3ec72485535c55ec5db412a179ae26bb9da6bea5441c"),
+            ("ur-20_01_31-unload", "513feea3e662364fad89214d5ff49e6ef96e02d56f85b4de57a408fc2563cb1c"),
+        )
+    ),
+)
+
+
+def logs_of(source: LogSource, data: Path | None) -> tuple[str, ...]:
+    """Files of a source in the folder ``data``, or fetched where it is None.
+
+    Raises NotAtHandError, with the reason, where none can be had.
+    """
+    if data is None:
+        return _fetched(source)
+    folder = data / source.folder
+    found = sorted({file for pattern in source.patterns for file in folder.glob(pattern)})
+    if not found:
+        raise NotAtHandError(f"no {' or '.join(source.patterns)} in {folder}")
+    return tuple(str(file) for file in found)
+
+
+def _fetched(source: LogSource) -> tuple[str, ...]:
+    if not source.published:
+        raise NotAtHandError(f"{source.folder} is not published file by file; --data FOLDER names where it lies")
+    pooch = peer("pooch")
+    if pooch is None:
+        raise NotAtHandError("pooch is not installed (pip install 'mathnavi[logs]'), and no --data FOLDER is given")
+    cache = cache_folder()
+    if cache is None:
+        raise NotAtHandError("no folder for what is fetched can be written to; --data FOLDER names where it lies")
+    return tuple(_retrieved(pooch, each, cache / "logs" / source.folder) for each in source.published)
+
+
+def _retrieved(pooch: Any, file: PublishedFile, folder: Path) -> str:
+    try:
+        return str(
+            pooch.retrieve(
+                file.address,
+                f"sha256:{file.digest}",
+                file.name,
+                folder,
+                downloader=pooch.HTTPDownloader(timeout=_PATIENCE),
+            )
+        )
+    except (OSError, ValueError) as fault:  # no network, another content
+        first = str(fault).strip().partition("\n")[0]
+        raise NotAtHandError(f"{file.address}: {type(fault).__name__}: {first[:200]}") from fault
+
+
+def peer(name: str) -> Any:
+    """Module of a package that this one does not require; None where it is not installed."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None
+
+
+def named(files: Sequence[str], part: str) -> str | None:
+    """First of ``files`` whose name has ``part`` in it; None if none has."""
+    return next((file for file in files if part in Path(file).name), None)

@@ -1,0 +1,142 @@
+"""Targets of the study: what is asked of estimators on the logs of others, and what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.table import Row
+from mathnavi.studies.framework.study import chosen
+from mathnavi.studies.real import arm_filters, gtsam_smoother
+from mathnavi.studies.real.floor_windows import BANK
+
+FOUND, MOST_WRONG = 0.9, 0.005  # share of the windows, and of the time
+ON_LINE, SMOOTHED, OF_BEST = 1.2, 1.0, 0.9  # times the error of the rival
+FEW, MANY = 4, 8  # beams
+FLOORS = ("intel", "freiburg-101")  # of which the target speaks, where they are at hand
+FILTER, SMOOTHER = "beacon_bank", "smoother of beacon_bank"
+Verdict = tuple[str, bool | None]  # what was measured, and whether it holds
+
+
+@dataclass(frozen=True)
+class RealTarget:
+    """Claim of the study: ``judge`` says what was measured, of rows of which there is one or more."""
+
+    id: str
+    part: str
+    statement: str
+    source: str
+    expected: str
+    judge: Callable[[Sequence[Row]], Verdict]
+
+    def claim(self, rows: Sequence[Row], reason: str) -> Claim:
+        """The claim by the rows of all parts; not measured, for a ``reason``, without any of its own."""
+        own = chosen(rows, part=self.part)
+        measured, holds = self.judge(own) if own else (f"not measured: {reason}", None)
+        return Claim(self.id, "target", self.statement, self.source, self.expected, measured, holds)
+
+
+def _windows(rows: Sequence[Row]) -> str:
+    return f"{sum(row['found'] for row in rows)} of {len(rows)}"
+
+
+def _share(rows: Sequence[Row]) -> float:
+    return float(np.mean([row["found"] for row in rows]))
+
+
+def _wrong(rows: Sequence[Row]) -> float:
+    return float(np.mean([row["wrong_share"] for row in rows]))
+
+
+def judge_room(rows: Sequence[Row]) -> Verdict:
+    """The bank with few beams and with many, in rooms."""
+    few, many = (chosen(rows, estimator=BANK, beams=count) for count in (FEW, MANY))
+    if not few or not many:
+        return f"not measured with {FEW} and {MANY} beams", None
+    wrong = _wrong([*few, *many])
+    measured = f"{_windows(few)} with {FEW} beams, {_windows(many)} with {MANY}; sure and wrong {100.0 * wrong:.2g}%"
+    return measured, _share(few) >= FOUND and _share(many) >= 1.0 and wrong <= MOST_WRONG
+
+
+def judge_floor(rows: Sequence[Row]) -> Verdict:
+    """The bank with many beams, on each floor."""
+    own = chosen(rows, estimator=BANK, beams=MANY)
+    if not own:
+        return f"not measured with {MANY} beams", None
+    floors = {log: chosen(own, log=log) for log in dict.fromkeys(row["log"] for row in own)}
+    judged = [floors[log] for log in FLOORS if log in floors] or list(floors.values())
+    measured = ", ".join(f"{log} {_windows(of_log)}" for log, of_log in floors.items())
+    return f"{measured}; sure and wrong {100.0 * _wrong(own):.2g}%", all(_share(each) >= FOUND for each in judged)
+
+
+def judge_beacons(rows: Sequence[Row]) -> Verdict:
+    """Filter and smoother with all beacons and a known start beside GTSAM's smoother, on each log."""
+    measured, verdicts = [], []
+    for log in dict.fromkeys(row["log"] for row in rows):
+        of_log = chosen(rows, log=log)
+        most = max(row["beams"] for row in of_log)
+        ours = [
+            _error(chosen(of_log, beams=most, estimator=name, start="known"), "position_rms_all_m")
+            for name in (FILTER, SMOOTHER)
+        ]
+        theirs = chosen(of_log, beams=most, estimator=gtsam_smoother.NAME)
+        words = f"{log}: on line {ours[0]:.3f} m, smoothed {ours[1]:.3f} m"
+        if theirs:
+            rival = min(row["position_rms_all_m"] for row in theirs)
+            measured.append(f"{words}, GTSAM {rival:.3f} m")
+            verdicts.append(ours[0] <= ON_LINE * rival and ours[1] <= SMOOTHED * rival)
+        else:
+            measured.append(words)
+    if len(verdicts) == len(measured):
+        return "; ".join(measured), all(verdicts)
+    return f"{'; '.join(measured)}; rival not at hand (GTSAM is not installed)", None
+
+
+def _error(rows: Sequence[Row], column: str) -> float:
+    return float(rows[0][column]) if rows else math.nan
+
+
+def judge_arm(rows: Sequence[Row]) -> Verdict:
+    """The default observer beside the best of the tuned rivals, on each log."""
+    measured, holds = [], True
+    for log in dict.fromkeys(row["log"] for row in rows):
+        errors = {row["estimator"]: row["velocity_rms_rad_s"] for row in chosen(rows, log=log)}
+        best = min(arm_filters.RIVALS, key=lambda name: errors[name])
+        ratio = errors[arm_filters.DEFAULT] / errors[best]
+        measured.append(f"{log}: {errors[arm_filters.DEFAULT]:.4f} rad/s, {ratio:.2f} of {best}")
+        holds = holds and ratio <= OF_BEST
+    return "; ".join(measured), holds
+
+
+_MAPS = "test scans at least 60 s from any scan of the map, errors against SLAM's poses"
+TARGETS = (
+    RealTarget(
+        "real.room", "room", "With few beams of a laser a robot finds itself in a real room.", "C.4",
+        f"within 0.3 m and 0.2 rad over the last quarter of 60 s in {FOUND:.0%} of the windows with {FEW} beams and "
+        f"all with {MANY}, sure and wrong at most {100.0 * MOST_WRONG:g}% of the time; {_MAPS}", judge_room,
+    ),
+    RealTarget(
+        "real.floor", "floor", "With eight beams and odometry a robot finds itself on a whole real floor.", "C.4",
+        f"from an unknown start within 0.3 m and 0.2 rad over the last quarter of 60 s in {FOUND:.0%} of the windows "
+        f"of the Intel lab and of Freiburg 101, {MANY} beams; {_MAPS}", judge_floor,
+    ),
+    RealTarget(
+        "real.beacons", "beacons", "Among radio beacons a robot is located as well as by the best smoother.", "C.4",
+        f"RMS error at all times at most {ON_LINE:g} of GTSAM's batch smoother on line, at most {SMOOTHED:g} smoothed; "
+        "GTSAM with the scale of the ranges that the filter found", judge_beacons,
+    ),
+    RealTarget(
+        "real.unicycles", "unicycles", "Among landmarks a unicycle is located as well as by the best smoother.", "C.4",
+        f"RMS error at all times at most {ON_LINE:g} of GTSAM's batch smoother on line, at most {SMOOTHED:g} smoothed, "
+        "each robot", judge_beacons,
+    ),
+    RealTarget(
+        "real.arm", "arm", "Velocities of a real arm are better than by tuned filters.", "D.6",
+        f"RMS error at most {OF_BEST:g} of the best of Butterworth, constant-acceleration Kalman filter and momentum "
+        "observer, tuned on another log", judge_arm,
+    ),
+)  # fmt: skip

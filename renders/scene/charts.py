@@ -12,7 +12,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.renders.generic.run_data import GenericRun, RecordedEstimates, estimates
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colour
 from mathnavi.renders.scene.elements import Chart, Series
-from mathnavi.sim.records.event_kinds import is_alarm
+from mathnavi.sim.records.event_kinds import is_alarm, with_origin
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.log_arrays import ESTIMATED, SAMPLED
 from mathnavi.sim.records.run_folder import described
@@ -250,9 +250,10 @@ def events_of(run: GenericRun) -> Sequence[tuple[float, str, bool]]:
     """Times of events, in words, and whether each is an alarm."""
     several = len(run.vehicles) > 1
     found = []
-    for event in run.events:
+    for event, origin in with_origin(run.events, run.config):
         kind, details = described(event)
         words = f"{kind}: {details}" if details else kind
+        words = f"{origin}: {words}" if origin else words
         found.append((event.t, f"{event.agent}: {words}" if several and event.agent else words, is_alarm(event)))
     return found
 

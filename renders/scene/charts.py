@@ -124,14 +124,25 @@ def estimate_charts(run: GenericRun) -> list[Chart]:
         ]
     for array in sorted(log.arrays):
         values, own = log.arrays[array], array.removeprefix(ESTIMATED)
-        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and values.size in (len(found.t), 3 * len(found.t)):
+        named = run.signals[name].figures.get(own, ())
+        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and _is_drawn(values, named, len(found.t)):
             columns = values.reshape(len(found.t), -1)
+            if len(named) == columns.shape[1]:  # each on an axis of its own, for they may be of different sizes
+                for k, words in enumerate(named):
+                    line = curve(ESTIMATED_WORD, ESTIMATE, found.t, columns[:, k])
+                    charts.append(Chart(*name_and_unit(words), [line]))
+                continue
             lines = [
                 curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), found.t, columns[:, k])
                 for k in range(columns.shape[1])
             ]
             charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
     return charts
+
+
+def _is_drawn(values: Array, names: Sequence[str], count: int) -> bool:
+    """True for a number or a vector at each of ``count`` times, or for as many numbers as there are names."""
+    return values.size in (count, 3 * count) or (len(names) > 0 and values.shape == (count, len(names)))
 
 
 def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:

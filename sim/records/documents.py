@@ -70,6 +70,7 @@ class ArrayIndexDocument:
     readings: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # of each sensor's numbers
     estimates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     estimands: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    figures: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # of an estimate's further figures
     groups: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # names without units, by their chart
     arrays: dict[str, ArrayDocument] = field(default_factory=dict)
 

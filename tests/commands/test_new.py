@@ -81,7 +81,7 @@ def test_another_model_in_place_of_the_one_that_is_made_is_driven_by_its_own_dim
     body = vehicle.Body.of(vehicle.build_model())
     assert (body.wheel_radius, body.track, body.wheel_speed_max) == pytest.approx((0.12, 0.4, 6.0))
     assert body.magnetic == (0.2, 0.3)
-    Roller = importlib.import_module("roller.scenario").Roller  # noqa: N806 - a class
+    Roller = importlib.import_module("roller.scenario").Roller
     run = Roller.build(Roller.Config(), seed=3).run()
     assert run.success
     truth = run["truth.estimands"][np.searchsorted(run.t, run["estimate.t"] - 1e-9)]

@@ -152,7 +152,7 @@ def write_pages(results: SearchResults, store: Path) -> list[Path]:
         if each.ending != "flown"
     ]
     page = SearchPage(
-        title=f"{results.scenario}: {counted(len(results.evaluations), 'mission')} of search",
+        title=f"{results.scenario}: {results.finding}",
         key=results.objective.key,
         largest=results.objective.largest,
         until=results.until,

@@ -18,6 +18,9 @@ import pytest
 
 from mathnavi.commands.cli import main
 from mathnavi.commands.new import POINTS, Kind, class_of, contents, templates
+from mathnavi.renders.generic.run_data import load_run
+from mathnavi.renders.generic.scene import generic_scene
+from mathnavi.renders.palette import SceneElement
 from tests.docs.test_blocks import blocks_of
 from tests.docs.test_notebooks import assert_form
 
@@ -88,6 +91,13 @@ def test_another_model_in_place_of_the_one_that_is_made_is_driven_by_its_own_dim
     east, north, heading = (run["estimate.x"] - truth).T
     assert np.hypot(east, north).max() < 0.2
     assert np.abs(np.sin(heading)).max() < 0.05
+    scene = run.scene_arrays()
+    assert scene is not None
+    ends = scene["plan.roller.pos"][scene["plan.roller.offsets"][1:] - 1]
+    np.testing.assert_allclose(ends[:, :2], np.tile([4.0, 1.5], (len(ends), 1)), atol=1e-6)  # to the dock
+    assert (np.abs(ends[:, 2] - 0.1) < 0.05).all()  # at the height of the chassis
+    generic = generic_scene(load_run(run.save(tmp_path / "out")))
+    assert SceneElement.PLAN.value in {lines.layer.name for lines in generic.lines}
 
 
 def test_each_entry_point_leads_to_what_is_made(made: tuple[str, Path]) -> None:

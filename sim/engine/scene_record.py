@@ -282,7 +282,7 @@ def _named_plans(name: str, arrays: dict[str, Array], signals: SignalNames, at: 
     columns = [next((k for k, (own, unit) in enumerate(named) if unit == "m" and own in axis), None) for axis in _AXES]
     if columns[0] is None or columns[1] is None or not _are_positions(name, arrays, signals, named, columns, at, path):
         return {}
-    places = np.column_stack(
+    places: Any = np.column_stack(
         [np.interp(t, at, path[:, axis]) if k is None else x[:, k] for axis, k in enumerate(columns)]
     ).astype(np.float32)
     prefix = f"plan.{name}"

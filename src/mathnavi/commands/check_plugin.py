@@ -136,9 +136,9 @@ def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
         return
     elif mission is not None and not refusing:
         result.fact("scenarios", ["none that is installed has such a mission"])
-    for name, error in refusing.items():
+    for name, refusal in refusing.items():
         if mission is not None:
-            result.note(f"{name} with its default fields does not take it: {' '.join(str(error).split())}", "")
+            result.note(f"{name} with its default fields does not take it: {' '.join(str(refusal).split())}", "")
 
 
 def _has_such(kind: str, scenario: Any) -> bool:
@@ -150,7 +150,8 @@ def _with_part(kind: str, scenario: str, place: str) -> RunSpec:
     """Return the run of a scenario with its default fields and a plug-in in the place of its own."""
     if kind == "consensus":
         return RunSpec.of(scenario, fields={"consensus": place})
-    return RunSpec.of(scenario, **{WORDS[kind]: place})
+    controller, estimator = (place if kind == each else None for each in ("controllers", "estimators"))
+    return RunSpec.of(scenario, 0, controller, estimator)
 
 
 def _mission_of(plugin: Any) -> Any:

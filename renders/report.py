@@ -94,6 +94,7 @@ def run_page(
     return page.document(
         headline.title,
         page.heading(headline.title, headline.verdict, headline.good),
+        *_part_of(run.config),
         page.tiles(headline.tiles),
         *opening,
         page.section("Summary", summary_cards(run.summary)),
@@ -103,6 +104,14 @@ def run_page(
         page.section("Do it again", *again(run.directory, run.config)),
         page.footer(rest(run.summary)),
     )
+
+
+def _part_of(config: Mapping[str, Any]) -> tuple[Markup, ...]:
+    """Link to the page of the search that a run belongs to."""
+    whole = config.get("part_of")
+    if not isinstance(whole, Mapping):
+        return ()
+    return (page.paragraph(Markup(f"A run of {page.link(str(whole.get('page')), str(whole.get('name')))}.")),)
 
 
 def solve_figures(summary: Mapping[str, Any]) -> list[Drawn]:

@@ -61,6 +61,9 @@ def test_the_worst_missions_are_named_drawn_and_flown_again(
     assert np.array_equal(logs[0]["truth.x"], logs[1]["truth.x"])
     page = path.with_suffix(".html").read_text(encoding="utf-8")
     assert "mathnavi run safe-flight --seed 0" in page
+    assert '<a href="out/worst-1/report.html">' in page  # and from there to the search
+    report = (tmp_path / "out/worst-1/report.html").read_text(encoding="utf-8")
+    assert f'A run of <a href="../../{path.stem}.html">the search {path.stem} (safe-flight, mission ' in report
     with Image.open(path.with_suffix(".png")) as picture:
         assert np.asarray(picture.convert("L")).std() > 10.0
 

@@ -39,8 +39,13 @@ def printed(capsys: pytest.CaptureFixture[str]) -> str:
 
 @pytest.mark.usefixtures("trials_here")
 def test_the_worst_missions_are_named_drawn_and_flown_again(
-    mission: tuple[str, ...], path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    mission: tuple[str, ...],
+    path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")  # pictures in the reports
     scenario, *given = mission
     fields = (*given, "--planner.grid-nodes", "17", "--planner.nodes", "7", "--faults.gust-rms", "0.5")
     objective = ("--minimise", "clearance_margin_m", "--over", "planner.margin=0..25", "--over", "start[2]=700..900")

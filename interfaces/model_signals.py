@@ -19,7 +19,7 @@ _UNITS = {
     "ACCELEROMETER": "m/s^2", "FRAMELINACC": "m/s^2", "VELOCIMETER": "m/s", "FRAMELINVEL": "m/s",
     "SUBTREELINVEL": "m/s", "FRAMEPOS": "m", "RANGEFINDER": "m", "SUBTREECOM": "m", "GEOMDIST": "m", "TENDONPOS": "m",
     "TENDONVEL": "m/s", "TOUCH": "N", "FORCE": "N", "TORQUE": "N m", "CLOCK": "s",
-    "MAGNETOMETER": "option/magnetic",
+    "MAGNETOMETER": "unit of magnetic",  # of <option magnetic="...">, which MuJoCo leaves to the model
 }  # fmt: skip
 
 

@@ -27,6 +27,8 @@ class SignalNames:
     readings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # of each sensor's numbers
     estimates: tuple[str, ...] = ()  # of the numbers of its estimator's estimate
     estimands: tuple[str, ...] = ()  # of what there is to estimate, whose true values are in the log
+    figures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """names of the numbers of an estimate's further figures, by figure; each number is drawn in a chart of its own"""
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """names, without units, of the states, inputs or estimates that are drawn in one chart, by its title"""
 
@@ -39,6 +41,7 @@ class SignalNames:
             {**others.readings, **self.readings},
             self.estimates or others.estimates,
             self.estimands or others.estimands,
+            {**others.figures, **self.figures},
             {**groups, **self.groups},
         )
 
@@ -84,6 +87,21 @@ def difference(words: str, value: Array, reference: Array) -> Array:
     """Return a value less a reference, both (n,), of a signal "name [unit]"; of an angle [rad] from -pi to pi."""
     found: Array = value - reference
     return np.arctan2(np.sin(found), np.cos(found)) if name_and_unit(words)[1] == "rad" else found
+
+
+def figure_names(estimator: object) -> dict[str, tuple[str, ...]]:
+    """Return the names that an estimator gives to the numbers of its further figures, by figure; none if it gives none.
+
+    Raises ArgumentError for ``figures`` that are something else.
+    """
+    declared = getattr(estimator, "figures", None)
+    if declared is None:
+        return {}
+    if not isinstance(declared, Mapping) or not all(
+        isinstance(names, list | tuple) and all(isinstance(name, str) for name in names) for names in declared.values()
+    ):
+        raise ArgumentError(f"the estimator has figures = {declared!r:.80}; allowed: names of its numbers, by figure")
+    return {str(figure): tuple(names) for figure, names in declared.items()}
 
 
 def numbered(name: str, size: int, unit: str = "") -> tuple[str, ...]:

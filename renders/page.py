@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -101,6 +102,16 @@ def section(title: str, *blocks: Markup) -> Markup:
 def paragraph(content: str) -> Markup:
     """A paragraph of text."""
     return Markup(f"<p>{text(content)}</p>\n")
+
+
+def link(place: str, content: str) -> Markup:
+    """A link to another page, by its place relative to this one; its text alone for any other place.
+
+    A folder of runs may be someone else's: an address with a scheme, as a script has one, is no link.
+    """
+    if not place or ":" in place or place.startswith(("/", "\\")):
+        return text(content)
+    return Markup(f'<a href="{html.escape(quote(place), quote=True)}">{text(content)}</a>')
 
 
 def tiles(values: Mapping[str, object]) -> Markup:

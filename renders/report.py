@@ -24,7 +24,7 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
 from mathnavi.sim.plugin.trust import uninstalled
-from mathnavi.sim.records.event_kinds import event_definition
+from mathnavi.sim.records.event_kinds import event_definition, with_origin
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
 from mathnavi.sim.records.run_folder import described
 from mathnavi.sim.records.timing import LATENCY, read_timing, slow_components, timing_table
@@ -94,15 +94,24 @@ def run_page(
     return page.document(
         headline.title,
         page.heading(headline.title, headline.verdict, headline.good),
+        *_part_of(run.config),
         page.tiles(headline.tiles),
         *opening,
         page.section("Summary", summary_cards(run.summary)),
         *timing_section(run.directory),
         *closing,
-        page.section("Events", events_card(run.events, by_vehicle=by_vehicle)),
+        *events_sections(run.events, run.config, by_vehicle=by_vehicle),
         page.section("Do it again", *again(run.directory, run.config)),
         page.footer(rest(run.summary)),
     )
+
+
+def _part_of(config: Mapping[str, Any]) -> tuple[Markup, ...]:
+    """Link to the page of the search that a run belongs to."""
+    whole = config.get("part_of")
+    if not isinstance(whole, Mapping):
+        return ()
+    return (page.paragraph(Markup(f"A run of {page.link(str(whole.get('page')), str(whole.get('name')))}.")),)
 
 
 def solve_figures(summary: Mapping[str, Any]) -> list[Drawn]:
@@ -151,6 +160,26 @@ def timing_section(directory: Path) -> tuple[Markup, ...]:
         return ()
     slow = (page.paragraph(f"{component}: {words}.") for component, words in slow_components(timing).items())
     return (page.section("Wall time", *slow, page.card(page.table(*timing_table(timing)))),)
+
+
+def events_sections(
+    events: Sequence[Event], config: Mapping[str, Any], *, by_vehicle: bool = False
+) -> tuple[Markup, ...]:
+    """The events of a run; those of the flight apart where the estimator did not fly it but ran over its readings."""
+    if config.get("recorded") is None:
+        return (page.section("Events", events_card(events, by_vehicle=by_vehicle)),)
+    origins = with_origin(events, config)
+    sections = {
+        "Events of the estimate": ([event for event, origin in origins if origin == "estimate"], ""),
+        "Events of the flight": (
+            [event for event, origin in origins if origin == "flight"],
+            f"As they were recorded in {config['recorded']}, with the estimator that flew it.",
+        ),
+    }
+    return tuple(
+        page.section(title, *([page.paragraph(note)] if note else []), events_card(of_one, by_vehicle=by_vehicle))
+        for title, (of_one, note) in sections.items()
+    )
 
 
 def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:

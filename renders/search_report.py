@@ -52,7 +52,7 @@ class SearchPage:
     importances: Mapping[str, float]  # share of each field, the largest first
     curves: Sequence[tuple[Sequence[float], Sequence[float]]]  # of each repetition: levels, and their probabilities
     varied: Sequence[str]  # fields, those that matter most first
-    worst: Sequence[Sequence[str]]  # mission, figure, fields, shortfall, command
+    worst: Sequence[Sequence[str]]  # mission, linked to its report, figure, fields, shortfall, command
     unflown: Sequence[Sequence[str]]  # mission, ending, fields, reason
     command: str
 

@@ -13,6 +13,8 @@ from mathnavi.renders.terrain_view import Track, terrain_view
 from mathnavi.sim.records.claims import Claim, tally
 from mathnavi.sim.records.table import Table as Table
 
+MOST_MISSED = 3  # targets that a title names
+
 
 @dataclass(frozen=True, eq=False)
 class StudyPage:
@@ -36,7 +38,7 @@ def report(study: StudyPage) -> Markup:
     """Return the page's HTML."""
     view = () if study.terrain is None else (_over(study.terrain, study),)
     return page.document(
-        study.title,
+        _title(study),
         _headline(study),
         *(page.paragraph(words) for words in study.summary),
         page.section("Claims", page.card(_claims(study))),
@@ -47,14 +49,23 @@ def report(study: StudyPage) -> Markup:
     )
 
 
+def _title(study: StudyPage) -> str:
+    """Name of the study and what it found: how many of its claims hold, and which targets are missed."""
+    if study.first_look or not study.claims:
+        return study.title
+    missed = [claim.id for claim in study.claims if claim.holds is False and claim.kind == "target"]
+    named = f"; missed: {', '.join(missed)}" if 0 < len(missed) <= MOST_MISSED else ""
+    return f"{study.title}: {tally(study.claims)}{named}"
+
+
 def _headline(study: StudyPage) -> Markup:
     """Good if every claim holds, bad if a target is missed; else neither, as where there is too little to judge."""
     if study.first_look:
         words = f"A first look, {study.first_look}: too little to judge by. {tally(study.claims)}."
-        return page.heading(study.title, words, None)
+        return page.heading(_title(study), words, None)
     missed = any(claim.holds is False for claim in study.claims if claim.kind == "target")
     good = False if missed else True if all(claim.holds for claim in study.claims) else None
-    return page.heading(study.title, f"{tally(study.claims)}.", good)
+    return page.heading(_title(study), f"{tally(study.claims)}.", good)
 
 
 def _over(terrain: HeightField, study: StudyPage) -> Markup:

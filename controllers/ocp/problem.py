@@ -435,8 +435,10 @@ class OptimalControlProblem:
                 "auto": their message says that the error of J is not estimated.
             starts: number k of guesses, the stated one and k - 1 others, simulated under other controls or perturbed
                 by draws of a fixed seed, that are solved on a coarse mesh; the lowest is solved by the method, and the
-                message says what each found. None: 3 where the error of J is bounded, otherwise 1. The minimum that is
-                returned is a local one, lower than those of the other starts.
+                message says what each found. Where that mesh does not hold the solution, one of up to 8 times as many
+                intervals compares them, and the message says so where none does. None: 3 where the error of J is
+                bounded, on the coarsest mesh alone, otherwise 1. The minimum that is returned is a local one, lower
+                than those of the other starts.
             progress: None for a line on standard error, if that is a terminal, from the first second on: stage, method,
                 mesh, nodes, J, miss and time; False for none, True for the line wherever standard error goes. Or a
                 function that is called with a ``SolveProgress`` at every iterate and stage; where it returns True the

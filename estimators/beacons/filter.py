@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -57,6 +58,9 @@ class BeaconFilter:
     """Estimator of the pose from beacons or landmarks and odometry: a bank of Kalman filters that finds the start."""
 
     Config = BeaconBankConfig
+    figures: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "scales": ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
+    }
 
     def __init__(self, config: BeaconBankConfig, mission: BeaconMission) -> None:
         self.period = mission.period

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -135,6 +136,11 @@ class EstimateQuality:
 @dataclass(frozen=True, eq=False)
 class FlightMission:
     """Flight from rest at ``start`` to ``arrival_radius`` of ``target`` by gamma V_0, never below ``clearance_min``."""
+
+    state_names: ClassVar[tuple[str, ...]] = (
+        *("position_x [m]", "position_y [m]", "position_z [m]"),
+        *("velocity_x [m/s]", "velocity_y [m/s]", "velocity_z [m/s]"),
+    )
 
     terrain: HeightField
     start: tuple[float, float, float]  # [m] map frame

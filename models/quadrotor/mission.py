@@ -102,6 +102,13 @@ class InertialSensor:
 class QuadrotorMission:
     """Flight mission of a point mass that a quadrotor flies; a ``FullStateMission`` (``estimators.full_state``) too."""
 
+    state_names: ClassVar[tuple[str, ...]] = (
+        *("position_x [m]", "position_y [m]", "position_z [m]"),
+        *("attitude_w [-]", "attitude_x [-]", "attitude_y [-]", "attitude_z [-]"),
+        *("velocity_x [m/s]", "velocity_y [m/s]", "velocity_z [m/s]"),
+        *("rate_x [rad/s]", "rate_y [rad/s]", "rate_z [rad/s]"),
+    )
+
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # the assumed one
     inertial: InertialQuality = NOMINAL_IMU

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from mathnavi.interfaces.signals import Array
@@ -11,6 +13,9 @@ from mathnavi.models.unicycle.quality import KnownStart
 
 class UnicycleMotion:
     """A robot with the pose x = (x_1, x_2, phi) [m, m, rad] that drives at u = (u_1, u_2) [m/s, rad/s]."""
+
+    state_names: ClassVar[tuple[str, ...]] = ("x [m]", "y [m]", "heading [rad]")
+    """names of the numbers of a pose"""
 
     start: KnownStart | None
 

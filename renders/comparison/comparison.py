@@ -17,6 +17,7 @@ SAME = "the same in both"
 LEAST = 1e-3  # of a difference; a smaller one has a power of ten
 ROUNDING = 1e-12  # share of a figure, up to which a difference is one of rounding
 MOST = 1e6  # times as large
+LONGEST_NAME, AROUND, ELLIPSIS = 20, 6, "…"  # [characters] of a name, and around what differs in a longer one
 LONGEST = 60  # [characters] of a value in a cell
 
 Names = tuple[str, str]
@@ -25,7 +26,31 @@ Names = tuple[str, str]
 def names_of_two(left: Path, right: Path) -> Names:
     """Return short names of two places, by which columns and curves are called."""
     one, other = names_of([left, right])
-    return one.removesuffix(".db"), other.removesuffix(".db")
+    return shortened(one.removesuffix(".db"), other.removesuffix(".db"))
+
+
+def shortened(one: str, other: str) -> Names:
+    """Return two names; those too long for a column without most of what both begin and end with.
+
+    What differs, with a few characters around it, stays: a column of a terminal shows it.
+    """
+    if max(len(one), len(other)) <= LONGEST_NAME or one == other:
+        return one, other
+    same = _common(one, other)
+    tail = _common(one[same:][::-1], other[same:][::-1])
+    begin = max(same - AROUND, 0)
+
+    def part(name: str) -> str:
+        end = min(len(name) - tail + AROUND, len(name))
+        return f"{ELLIPSIS * (begin > 0)}{name[begin:end]}{ELLIPSIS * (end < len(name))}"
+
+    return part(one), part(other)
+
+
+def _common(one: str, other: str) -> int:
+    """Return the number of characters with which both begin."""
+    shorter = min(len(one), len(other))
+    return next((k for k in range(shorter) if one[k] != other[k]), shorter)
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ def _pictures(run: FleetRun) -> list[Markup]:
     return [
         still_block(
             run.directory, "overview", way,
-            f"The whole map of {run.terrain.name} seen from the south, with the fleet on its way.",
+            f"The map of {run.terrain.name} about the fleet, seen from the south, with the fleet on its way.",
             f"On the way, at {way:.0f} s: path flown, plan ahead. Heights are drawn {EXAGGERATION} times "
             "as tall as they are, the vehicles far larger.",
         ),

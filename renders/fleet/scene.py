@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.flight.scene import follow, height
+from mathnavi.renders.flight.scene import follow, height, places_of
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.scene.cameras import ASPECT
@@ -19,7 +19,7 @@ from mathnavi.renders.scene.landscape import (
     airframe,
     airframe_motion,
     flown,
-    map_cameras,
+    mission_cameras,
     plan_lines,
     radar_domes,
     scale_marks,
@@ -59,10 +59,15 @@ def fleet_scene(run: FleetRun) -> Scene:
                 ring=flight.mission.arrival_radius, filled=arrival,
             )
         )  # fmt: skip
+    places = np.vstack([places_of(flight) for flight in run.flights])
+    views = (*mission_cameras(run.terrain, places, run.course), _slots(run))
     return Scene(
         run.title,
         run.duration,
-        [*(replace(each, span=span) for each in (*map_cameras(run.terrain, run.course), _slots(run))), *cameras],
+        [
+            *(replace(each, span=span) for each in views),
+            *cameras,
+        ],
         motions,
         surfaces,
         lines,

@@ -90,7 +90,7 @@ def _overview(run: FlightRun) -> Markup:
         run.directory,
         "overview",
         run.duration,
-        f"The whole map of {run.terrain.name} seen from the south, with the path flown from start to target.",
+        f"The map of {run.terrain.name} about the flight, seen from the south, with the path from start to target.",
         f"The end of the flight. Heights are drawn {EXAGGERATION} times as tall as they are, the vehicle far larger.",
     )
 

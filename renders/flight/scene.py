@@ -18,8 +18,7 @@ from mathnavi.renders.scene.landscape import (
     airframe,
     airframe_motion,
     flown,
-    map_cameras,
-    path_cameras,
+    mission_cameras,
     plan_lines,
     radar_domes,
     scale_marks,
@@ -41,8 +40,7 @@ def flight_scene(run: FlightRun) -> Scene:
     return mission_scene(
         run,
         [
-            *path_cameras(run.terrain, np.vstack([run.mission.start, run.x[:, :3], run.mission.target])),
-            *map_cameras(run.terrain, course),
+            *mission_cameras(run.terrain, places_of(run), course),
             replace(follow(VEHICLE), name="follow the vehicle", shot="chase"),
         ],
         airframe_motion(run.t, run.x, run.u, run.terrain),
@@ -51,6 +49,14 @@ def flight_scene(run: FlightRun) -> Scene:
         flight_charts(run),
         MAP_NOTE,
     )
+
+
+def places_of(run: FlightRun) -> Array:
+    """Places (n, 3) [m] of what happens in a flight: its path, its plans, and where its target is and goes."""
+    mission = run.mission
+    plans = [plan.x[:, :3] for plan in run.log.plans]
+    places = np.vstack([mission.start, mission.target, mission.target_path[:, 1:], run.x[:, :3], *plans])
+    return places[np.isfinite(places).all(axis=1)]
 
 
 def mission_scene(

@@ -45,8 +45,18 @@ def _headline(run: GenericRun) -> Headline:
     tiles = {label(key)[0]: quantity(key, value) for key, value in list(figures.items())[:MOST_TILES]}
     sentence = verdict(run)
     return Headline(
-        run.title, f"{sentence[0].upper()}{sentence[1:]}{why(run.summary)}.", SHORTFALL not in run.summary, tiles
+        f"{run.title}: {found(run)}",
+        f"{sentence[0].upper()}{sentence[1:]}{why(run.summary)}.",
+        SHORTFALL not in run.summary,
+        tiles,
     )
+
+
+def found(run: GenericRun) -> str:
+    """Return the outcome of a run in a few words: why it failed, or when it ended."""
+    if SHORTFALL in run.summary:
+        return str(run.summary[SHORTFALL])
+    return f"{'arrived' if run.summary.get('arrived') else 'succeeded'} after {run.duration:.1f} s"
 
 
 def _pictures(run: GenericRun) -> list[Markup]:

@@ -55,7 +55,7 @@ def _headline(run: LagrangianRun, title: str) -> Headline:
         tiles["settled on the reference after"] = quantity("settled_at_s", summary.get("settled_at_s"))
     ending = verdict(run)
     sentence = f"{ending[0].upper()}{ending[1:]}{why(summary)}. What moves: {subject(run)}."
-    return Headline(title, sentence, is_good(run), tiles)
+    return Headline(f"{title}: {ending}", sentence, is_good(run), tiles)
 
 
 def _measured(value: float | None, unit: str) -> str:

@@ -64,7 +64,9 @@ def _headline(run: MissileRun, title: str) -> Headline:
         ),
         f"cost (planned {page.number(summary.get('planned_cost'))})": page.number(summary.get("cost")),
     }
-    return Headline(title, f"The missile {verdict(run)}, {turned}{why(summary)}.", good, tiles)
+    words = "hit" if hit else "missed"
+    found = f"{words}, {quantity('miss_m', run.approach.miss)} off after {run.approach.t:.1f} s; {turned}"
+    return Headline(f"{title}: {found}", f"The missile {verdict(run)}, {turned}{why(summary)}.", good, tiles)
 
 
 def _path_caption(run: MissileRun) -> str:

@@ -64,7 +64,9 @@ def _headline(run: RangingRun, title: str) -> Headline:
     if summary.get("efficiency") is not None:
         tiles["position error over the Cramér-Rao bound"] = page.number(summary["efficiency"])
     symmetric = " The wall is symmetric: errors are those modulo its rotations." if run.symmetry != 1 else ""
-    return Headline(title, f"The robot {verdict(run)}.{symmetric}", good, tiles)
+    after = summary.get("convergence_time_s") if summary.get("converged") else None
+    late = "" if after is None else f" after {quantity('convergence_time_s', after)}"
+    return Headline(f"{title}: {verdict(run)}{late}", f"The robot {verdict(run)}.{symmetric}", good, tiles)
 
 
 def _path_caption(run: RangingRun) -> str:

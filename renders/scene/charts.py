@@ -12,7 +12,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.renders.generic.run_data import GenericRun, RecordedEstimates, estimates
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colour
 from mathnavi.renders.scene.elements import Chart, Series
-from mathnavi.sim.records.event_kinds import is_alarm
+from mathnavi.sim.records.event_kinds import is_alarm, with_origin
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.log_arrays import ESTIMATED, SAMPLED
 from mathnavi.sim.records.run_folder import described
@@ -124,14 +124,25 @@ def estimate_charts(run: GenericRun) -> list[Chart]:
         ]
     for array in sorted(log.arrays):
         values, own = log.arrays[array], array.removeprefix(ESTIMATED)
-        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and values.size in (len(found.t), 3 * len(found.t)):
+        named = run.signals[name].figures.get(own, ())
+        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and _is_drawn(values, named, len(found.t)):
             columns = values.reshape(len(found.t), -1)
+            if len(named) == columns.shape[1]:  # each on an axis of its own, for they may be of different sizes
+                for k, words in enumerate(named):
+                    line = curve(ESTIMATED_WORD, ESTIMATE, found.t, columns[:, k])
+                    charts.append(Chart(*name_and_unit(words), [line]))
+                continue
             lines = [
                 curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), found.t, columns[:, k])
                 for k in range(columns.shape[1])
             ]
             charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
     return charts
+
+
+def _is_drawn(values: Array, names: Sequence[str], count: int) -> bool:
+    """True for a number or a vector at each of ``count`` times, or for as many numbers as there are names."""
+    return values.size in (count, 3 * count) or (len(names) > 0 and values.shape == (count, len(names)))
 
 
 def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:
@@ -250,9 +261,10 @@ def events_of(run: GenericRun) -> Sequence[tuple[float, str, bool]]:
     """Times of events, in words, and whether each is an alarm."""
     several = len(run.vehicles) > 1
     found = []
-    for event in run.events:
+    for event, origin in with_origin(run.events, run.config):
         kind, details = described(event)
         words = f"{kind}: {details}" if details else kind
+        words = f"{origin}: {words}" if origin else words
         found.append((event.t, f"{event.agent}: {words}" if several and event.agent else words, is_alarm(event)))
     return found
 

@@ -46,6 +46,8 @@ MOST_PIECES = 1000  # of an arc
 # The top view is taken from far away, so that it looks like a map.
 FIELD_OF_VIEW = {"overview": 30.0, "top": 8.0}  # [degrees]
 FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
+MARGIN, LEAST = 0.12, 0.03  # around what happens: of its size, and of the map's width at least
+PART_BOX = Box(0.06, 0.94, 0.12, 0.9)  # of the picture, for it
 PART = 0.6  # of the shorter side of a map: places that are less far apart have a view of their own
 ELEVATION, SIDEWAYS = -36.0, 24.0  # [degrees] of the overview, and off north-up
 
@@ -202,22 +204,26 @@ def map_cameras(terrain: HeightField, course: Array) -> list[Camera]:
     return found
 
 
-def path_cameras(terrain: HeightField, places: Array) -> list[Camera]:
-    """A camera of the part of a map where places (n, 3) [m] are; none where they are spread over most of it."""
+def mission_cameras(terrain: HeightField, places: Array, course: Array) -> list[Camera]:
+    """Overview and top view of what happens, and where that is a small part of the map a view of the whole map too.
+
+    ``places`` (n, 3) [m] are those of paths, plans and targets. Pictures and videos take the first two.
+    """
+    whole = map_cameras(terrain, course)
     low, high = places.min(axis=0), places.max(axis=0)
     size = float((high - low)[:2].max())
     if size > PART * min(terrain.width, terrain.depth):
-        return []
-    course = places[-1] - places[0]
-    azimuth = 90.0 + (SIDEWAYS if course[0] * course[1] >= 0.0 else -SIDEWAYS)
-    margin = 0.1 * size
-    box = np.array([[x, y, z] for x in (low[0] - margin, high[0] + margin) for y in (low[1] - margin, high[1] + margin)
-                    for z in (low[2], high[2])])  # fmt: skip
-    framed = Framed(box, Box(0.06, 0.94, 0.12, 0.9))
-    least = float(terrain.z.min())
-    sight = (azimuth, ELEVATION)
-    found = framing_camera("flight", framed, sight, FIELD_OF_VIEW["overview"], low=least, tall=EXAGGERATION)
-    return [replace(found, span=0.075)]
+        return whole
+    margin = max(MARGIN * size, LEAST * terrain.width)
+    around = np.array(
+        [[x, y, z] for x in (low[0] - margin, high[0] + margin) for y in (low[1] - margin, high[1] + margin)
+         for z in (low[2], high[2])]
+    )  # fmt: skip
+    framed, base = Framed(around, PART_BOX), float(terrain.z.min())
+    return [
+        *(map_camera(each.name, framed, (each.azimuth, each.elevation), low=base, tall=EXAGGERATION) for each in whole),
+        replace(whole[0], name="whole map", shot=""),
+    ]
 
 
 def map_camera(name: str, framed: Framed, sight: tuple[float, float], *, low: float = 0.0, tall: float = 1.0) -> Camera:

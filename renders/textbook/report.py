@@ -67,4 +67,7 @@ def _headline(run: TextbookRun, title: str) -> Headline:
     }
     if escaped:
         tiles["escape"] = quantity("escape_time_s", summary.get("escape_time_s"))
-    return Headline(title, sentence, converged and not escaped, tiles)
+    rms = summary.get("error_rms")
+    ending = "escaped" if escaped else "converged" if converged else "not converged"
+    found = ending if rms is None else f"{ending}; error {page.number(rms)} RMS in the last quarter"
+    return Headline(f"{title}: {found}", sentence, converged and not escaped, tiles)

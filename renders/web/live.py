@@ -26,7 +26,7 @@ from mathnavi.renders.scene.bodies import body_surfaces, model_shapes
 from mathnavi.renders.scene.cameras import framing_camera
 from mathnavi.renders.scene.charts import ESTIMATE, ESTIMATED_WORD, TRUE, TRUTH, grouped
 from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene, Series
-from mathnavi.renders.scene.landscape import airframe, map_cameras, plan_pieces, radar_domes
+from mathnavi.renders.scene.landscape import airframe, mission_cameras, plan_pieces, radar_domes
 from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import names_of
 from mathnavi.sim.engine.loop import Loop
@@ -112,8 +112,9 @@ class LiveScene:
             cameras.append(follow(name))
             foot = float(terrain.height(*own.target[:2]))
             marks.append(Mark("slot" if several else "target", COLOURS[SceneElement.TARGET], own.target, foot=foot))
+        places = np.vstack([[own.start, own.target] for own in flown.values()])
         return {
-            "cameras": [*map_cameras(terrain, first.target - first.start), *cameras], "motions": motions,
+            "cameras": [*mission_cameras(terrain, places, first.target - first.start), *cameras], "motions": motions,
             "surfaces": surfaces, "lines": lines, "marks": marks, "ground": terrain,
         }  # fmt: skip
 

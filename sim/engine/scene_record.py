@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Plant
+from mathnavi.interfaces.signal_names import SignalNames, name_and_unit
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -142,7 +143,11 @@ def scene_arrays(plant: Plant, recording: Recording) -> dict[str, Array] | None:
     found["vehicles"] = np.array(names)
     found["vehicle_bodies"] = np.array([motion.body(name) for name in names])
     for name in names:
-        found |= _plans(motion, name, arrays)
+        plans = _plans(motion, name, arrays)
+        if not plans and (signals := recording.signals.get(name)) is not None:
+            path = found["pos"][:, motion.body(name)].astype(float)
+            plans = _named_plans(name, arrays, signals, found["t"], path)
+        found |= plans
     return found | _estimates(motion, rows, arrays)
 
 
@@ -253,6 +258,57 @@ def _estimates(motion: RecordedMotion, rows: Integers, arrays: dict[str, Array])
     for values in found.values():
         values[~known] = np.nan
     return found
+
+
+_NEAR = 0.25  # of the extent of a path, within which what is called a position is where the vehicle is
+_AXES = (  # names of a position's numbers, without units
+    frozenset(("x", "x 1", "east", "position x")),
+    frozenset(("y", "x 2", "north", "position y")),
+    frozenset(("z", "x 3", "up", "height", "altitude", "position z")),
+)
+
+
+def _named_plans(name: str, arrays: dict[str, Array], signals: SignalNames, at: Array, path: Array) -> dict[str, Array]:
+    """Return the positions along the plans of a vehicle whose plans have the numbers of its estimate, not its states.
+
+    Which of these are a position is known by their names; a height that is not among them is that of the vehicle,
+    ``path`` (n, 3) [m] at times ``at`` (n,) [s]. Nothing if the plans have no position, or if what they call so is not
+    where the vehicle is, by the true values of what there is to estimate.
+    """
+    t, x, offsets, adopted = (_of_vehicle(arrays, name, f"plan.{part}") for part in ("t", "x", "offsets", "adopted"))
+    if t is None or x is None or offsets is None or adopted is None:
+        return {}
+    named = [name_and_unit(words) for words in signals.of_estimate(x.shape[1])]
+    columns = [next((k for k, (own, unit) in enumerate(named) if unit == "m" and own in axis), None) for axis in _AXES]
+    if columns[0] is None or columns[1] is None or not _are_positions(name, arrays, signals, named, columns, at, path):
+        return {}
+    places: Any = np.column_stack(
+        [np.interp(t, at, path[:, axis]) if k is None else x[:, k] for axis, k in enumerate(columns)]
+    ).astype(np.float32)
+    prefix = f"plan.{name}"
+    return {f"{prefix}.t": t, f"{prefix}.pos": places, f"{prefix}.offsets": offsets, f"{prefix}.adopted": adopted}
+
+
+def _are_positions(
+    name: str,
+    arrays: dict[str, Array],
+    signals: SignalNames,
+    named: Sequence[tuple[str, str]],
+    columns: Sequence[int | None],
+    at: Array,
+    path: Array,
+) -> bool:
+    """True if the true values of the estimands that are called a position are near the path of the vehicle."""
+    t, true = _of_vehicle(arrays, name, "t"), _of_vehicle(arrays, name, "truth.estimands")
+    if t is None or true is None:
+        return True
+    places = {name_and_unit(words): k for k, words in enumerate(signals.estimands)}
+    near = _NEAR * max(float(np.ptp(path, axis=0).max()), 1.0)
+    return all(
+        np.abs(np.interp(at, t, true[: len(t), places[named[k]]]) - path[:, axis]).max() <= near
+        for axis, k in enumerate(columns)
+        if k is not None and named[k] in places
+    )
 
 
 def _plans(motion: RecordedMotion, name: str, arrays: dict[str, Array]) -> dict[str, Array]:

@@ -9,7 +9,7 @@ reading are left out. The disorder of the log is in the summary and, channel by 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -231,6 +231,10 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
     ((vehicle, signals),) = read_signal_names(folder).items()
     readings = {name.removeprefix(SAMPLED): rows for name, rows in log.arrays.items() if name.startswith(SAMPLED)}
     events = [event for event in log.events if event.kind != "estimator-status"]
+    own = SignalNames(figures=found.figures)
+    if len(signals.states) != found.x.shape[1]:  # the reference, which is what it is compared with, has its own names
+        own = replace(own, estimates=found.names)
+    signals = own.over(signals)
     agent = AgentRecorder(vehicle, events, log.u, readings)
     for k, t in enumerate(found.t.tolist()):
         covariance = found.covariance[k] if np.isfinite(found.covariance[k]).all() else None

@@ -43,6 +43,10 @@ NEEDED = {  # of the class itself, besides Config
 }
 
 
+class OtherMissionError(PluginError):
+    """Plug-in that is for a mission of another type."""
+
+
 @dataclass(frozen=True)
 class PluginSpec:
     """Plug-in with its configuration."""
@@ -269,7 +273,7 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
     allowed.
     """
     if wanted := _unfit(spec.plugin, mission):
-        raise PluginError(
+        raise OtherMissionError(
             f"{kind}: {called(kind, spec.name)!r} is for a {wanted}, and the mission is a {type(mission).__name__}; "
             f"allowed: {_allowed_for_mission(kind, mission, wanted)}"
         )

@@ -34,6 +34,14 @@ class TerrainDocument:
 
 
 @configuration
+class PartOfDocument:
+    """Search or sweep that a run belongs to, in config.json."""
+
+    name: str
+    page: str  # its page, relative to the folder of the run
+
+
+@configuration
 class RunDocument:
     """Content of config.json; that of an earlier version may have fewer fields."""
 
@@ -46,6 +54,8 @@ class RunDocument:
     terrain: TerrainDocument | None = None
     drawing: str | None = None
     recorded: str | None = None
+    estimator_sign: str | None = None  # with which kinds of events of an estimator begin that is not mathnavi's own
+    part_of: PartOfDocument | None = None
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] | None = None
     inputs: dict[str, str] | None = None  # digests of the files that were read, by the names of the fields
@@ -70,6 +80,7 @@ class ArrayIndexDocument:
     readings: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # of each sensor's numbers
     estimates: dict[str, tuple[str, ...]] = field(default_factory=dict)
     estimands: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    figures: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # of an estimate's further figures
     groups: dict[str, dict[str, tuple[str, ...]]] = field(default_factory=dict)  # names without units, by their chart
     arrays: dict[str, ArrayDocument] = field(default_factory=dict)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
 from mathnavi.interfaces.signals import Event, Status
 
 ALARMS: dict[str, str] = {  # a promise that is broken or in danger, or a fault of a component
@@ -53,12 +56,43 @@ ROUTINE: dict[str, str] = {  # what the loop is made for: plans that are dropped
     "estimate-names": "The names that an estimator declares do not fit its estimates.",
 }  # fmt: skip
 
+OF_ESTIMATORS = (
+    "estimator-status", "estimate-unusable", "estimate-names", "sensor-unused", "estimate-recovered",
+    "estimate-diverged",
+)  # fmt: skip
+"""kinds that the estimator of a run causes; all others happen to the vehicle, its planner, tracker or coordinator"""
+
+
+SIGN = "estimator_sign"
+"""key in config.json: the name with which the kinds of an estimator that is not mathnavi's own begin"""
+
 
 def is_alarm(event: Event) -> bool:
     """True for an event that a reader should look at: an alarm of the loop, or an estimate that is lost."""
     if event.kind == "estimator-status":
         return event.message.startswith(Status.LOST.name.lower())
     return event.kind in ALARMS
+
+
+def of_estimator(event: Event, others: Collection[str] = ()) -> bool:
+    """True for an event that the estimator of a run caused.
+
+    The kinds of a plug-in that is not mathnavi's own begin with its name; ``others`` are the names of the planner and
+    the tracker.
+    """
+    name, colon, _ = event.kind.partition(": ")
+    return event.kind in OF_ESTIMATORS or bool(colon and name not in others)
+
+
+def with_origin(events: Sequence[Event], config: Mapping[str, Any]) -> list[tuple[Event, str]]:
+    """Return events with what they belong to: "estimate" or "flight" where the estimator of a run did not fly it, but
+    ran over its readings (``config`` names the folder of the flight as "recorded"); "" for any other run.
+    """
+    if config.get("recorded") is None:
+        return [(event, "") for event in events]
+    own = f"{config[SIGN]}: " if config.get(SIGN) else "\n"  # which no kind begins with
+    caused = (event.kind in OF_ESTIMATORS or event.kind.startswith(own) for event in events)
+    return [(event, "estimate" if each else "flight") for event, each in zip(events, caused, strict=True)]
 
 
 def event_definition(kind: str) -> str:

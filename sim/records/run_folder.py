@@ -47,7 +47,14 @@ RUN_FILES = (CONFIG, EVENTS, ARRAYS, ARRAY_INDEX, SUMMARY)
 SOMETIMES = (SCENE, TIMING, DELAYS)  # files that not every run writes
 RECORDED = (*RUN_FILES, *SOMETIMES)  # all files that a run may write
 STATUS_CHANGE = "estimator-status"  # kind of the events that say so
-_NAMED = ("inputs", "readings", "estimates", "estimands", "groups")  # fields of SignalNames besides the states
+_NAMED = (
+    "inputs",
+    "readings",
+    "estimates",
+    "estimands",
+    "figures",
+    "groups",
+)  # fields of SignalNames besides the states
 FLEET_TRUTH = f".{TRUTH}"  # ending of the names of a fleet's arrays of true states
 
 

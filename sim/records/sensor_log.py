@@ -26,6 +26,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading.table_format import TableFormat
 from mathnavi.interfaces.reading_counts import Unused, unused_in, unused_text
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
+from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import (
     PluginSpec,
@@ -163,6 +164,8 @@ class EstimateHistory:
     message: tuple[str, ...]  # (n,) details behind the status: what an estimator that is INITIALISING waits for
     extra: Mapping[str, Array]  # (n, ...) other outputs of the estimator, by name
     unread: Mapping[str, int]  # number of readings in the log of each sensor that the estimator does not read
+    names: tuple[str, ...] = ()  # (nx,) "name [unit]" of the states; none if they are not known
+    figures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # names of the numbers of some of ``extra``
 
     @property
     def ok(self) -> NDArray[np.bool_]:
@@ -263,7 +266,8 @@ def estimate(
         found_at.append(answer if isinstance(judged, Unusable) else judged)
     read_by = {sensor.name for sensor in sensors}
     unread = {each: _count(rows) for each, rows in log.readings.items() if each not in read_by}
-    return _history(name, found_at, unread)
+    names = _state_names(estimator, mission, len(found_at[0].x))
+    return _history(name, found_at, unread, names, figure_names(estimator))
 
 
 def smoother(
@@ -304,7 +308,22 @@ def _count(rows: Array) -> int:
     return int((~np.isnan(rows).all(axis=1)).sum())
 
 
-def _history(name: str, estimates: Sequence[Estimate], unread: Mapping[str, int]) -> EstimateHistory:
+def _state_names(estimator: Any, mission: Any, size: int) -> tuple[str, ...]:
+    """Names of the numbers (size,) of an estimate: the estimator's own, or those of the states of the mission."""
+    system = getattr(mission, "system", None)
+    declared = (
+        getattr(part, name, ()) for part, name in ((estimator, "numbers"), (mission, "state_names"), (system, "states"))
+    )
+    return next((tuple(map(str, names)) for names in declared if names and len(names) == size), ())
+
+
+def _history(
+    name: str,
+    estimates: Sequence[Estimate],
+    unread: Mapping[str, int],
+    names: tuple[str, ...],
+    figures: Mapping[str, tuple[str, ...]],
+) -> EstimateHistory:
     n = len(estimates[0].x)
     unknown = np.full((n, n), np.nan)
     return EstimateHistory(
@@ -316,6 +335,8 @@ def _history(name: str, estimates: Sequence[Estimate], unread: Mapping[str, int]
         tuple(each.message for each in estimates),
         {key: np.array([each.extra[key] for each in estimates]) for key in estimates[-1].extra},
         unread,
+        names,
+        figures,
     )
 
 

@@ -3,7 +3,7 @@
 A scenario may have ``estimands(config, truth)``, which returns by "name [unit]" an array (n,) of the true states
 (n, nx): the east [m] and the heading [rad] of a rover whose estimator knows no more. An estimator may have ``numbers``,
 the "name [unit]" of each number of its estimates; without them they are called as the states, or as the estimands,
-whichever are as many.
+whichever are as many. Its ``figures`` has the names of the numbers of ``Estimate.extra``, by its keys.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.protocols import Plant
 from mathnavi.interfaces.short_tables import counted
-from mathnavi.interfaces.signal_names import SignalNames
+from mathnavi.interfaces.signal_names import SignalNames, figure_names
 from mathnavi.interfaces.signals import Array, Event
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
@@ -30,6 +30,7 @@ def check_declared(plant: Plant, agents: Mapping[str, Agent], estimands: Estiman
     """Check the declarations before a run; ArgumentError for numbers without names, and for what is no estimand."""
     for vehicle, agent in agents.items():
         _numbers(vehicle, agent)
+        figure_names(agent.estimator)
         if estimands is not None:
             true_values(estimands, plant.state(vehicle)[None])
 
@@ -52,6 +53,8 @@ def name_signals(
             recording.events.append(Event(float(recording.t[-1]), vehicle, "estimate-names", message))
         elif numbers:
             names = replace(names, estimates=numbers)
+        if figures := figure_names(agent.estimator):
+            names = replace(names, figures=figures)
         if estimands is not None:
             values = true_values(estimands, recording.truths[vehicle])
             names = replace(names, estimands=tuple(values))

@@ -1,6 +1,7 @@
 """Recorded run of one vehicle as a closed loop with another estimator, over its measurements and inputs.
 
-Truth, plans and the events of the other components are those of the log.
+Truth, plans, the events of the other components and the figures of the flight are those of the log: an estimator that
+did not fly has no part in them, and its quality, on which a tracking bound rests, was not that of the flight.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother
+from mathnavi.interfaces.boundary import guest
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.fields import plain
 from mathnavi.sim.engine.agent_runner import Agent
@@ -17,13 +19,17 @@ from mathnavi.sim.engine.answer_times import ESTIMATOR
 from mathnavi.sim.engine.log import Recording, names_of
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.event_kinds import SIGN, of_estimator
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.declared_signals import with_inputs
 
 SMOOTHER = "smoother"
 """name of the smoother of the recorded estimator, over all readings of the run, and its key in config.json"""
-_ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable", "sensor-unused")
+_OF_ESTIMATES = ("estimate", "bound", "readings")  # groups of figures; all others are of the flight, as it was flown
+_NOT_OF_FLIGHTS = {key for group in _OF_ESTIMATES for key in SUMMARY_GROUPS[group]}
+_OF_FLIGHTS = {key for keys in SUMMARY_GROUPS.values() for key in keys} - _NOT_OF_FLIGHTS
 
 
 def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: PluginSpec) -> ClosedLoop:
@@ -57,6 +63,10 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
     except ValueError as error:
         raise ArgumentError(f"ESTIMATOR = {name} over {log.directory}: {error}") from error
     made: dict[str, Any] = {"recorded": str(log.directory)}
+    if sign := guest(agent.estimator):
+        made |= {SIGN: sign}
+    if "mission" in log.config:  # with the tracking bound of the estimator that was flown
+        made |= {"mission": log.config["mission"]}
     if isinstance(agent.estimator, RecordedSmoother):
         try:
             agent.estimator.smooth(past.samples())
@@ -66,8 +76,10 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
         made |= {SMOOTHER: closed_loop.config["estimator"]["fields"]}
 
     def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-        _restore(recording, log, vehicle)
-        return closed_loop.summarise(recording, wall_seconds)
+        _restore(recording, log, vehicle, agent)
+        summary, success = closed_loop.summarise(recording, wall_seconds)
+        flown = {key: log.summary[key] for key in summary if key in _OF_FLIGHTS and key in log.summary}
+        return {**summary, **flown}, success
 
     inputs = RecordedInputs(run, period)
     return ClosedLoop(
@@ -82,10 +94,11 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
     )
 
 
-def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
+def _restore(recording: Recording, log: RunLog, vehicle: str, flown: Agent) -> None:
     """Copy the plans of the recorded run, and all events but those of its estimator, into the log of the new one."""
     agent = recording.agents[vehicle]
     agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
     agent.requests = agent.answers = int(log.summary.get("replans", len(log.plans)))  # another run's planner
-    kept = [event for event in log.events if event.kind not in _ESTIMATOR_EVENTS]
+    guests = guest(flown.planner), guest(flown.tracker)
+    kept = [event for event in log.events if not of_estimator(event, guests)]
     recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -188,6 +189,86 @@ def test_a_class_that_is_no_plug_in_is_told_what_it_lacks(
     monkeypatch.syspath_prepend(str(tmp_path))
     Path("mine.py").write_text(SCENARIO.format(body))
     assert said in checked("mine.py:Broken", 1)
+
+
+PARTS = """
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+from mathnavi.controllers.flight.plugin import FlightController
+from mathnavi.estimators.kalman import Kalman
+from mathnavi.models.aerial.mission import FlightMission
+
+
+class Looker(Kalman):
+    {looker}
+
+
+class Steerer(FlightController):
+    {steerer}
+"""
+REFUSED = {
+    "quality None": ("looker", "quality = staticmethod(lambda config, mission: None)", "quality() returned None"),
+    "sensors none": ("looker", "sensors = staticmethod(lambda config, mission: 3)", "sensors() returned a int"),
+    "a sensor without a rate": (
+        "looker",
+        "sensors = staticmethod(lambda config, mission: [SimpleNamespace(name='a', size=1, read=None)])",
+        "without rate",
+    ),
+    "no update": ("looker", "build = staticmethod(lambda config, mission: SimpleNamespace(period=0.1))", "update()"),
+    "build raises": ("looker", "build = staticmethod(lambda config, mission: 1 / 0)", "ZeroDivisionError"),
+    "a period between ticks": (
+        "looker",
+        "build = staticmethod(lambda config, mission: SimpleNamespace(period=0.0123, update=print))",
+        "0.0123",
+    ),
+    "no pair": ("steerer", "build = staticmethod(lambda config, mission: None)", "build() returned None"),
+    "no plan": (
+        "steerer",
+        "build = staticmethod(lambda config, mission: (SimpleNamespace(period=1.0), SimpleNamespace(period=1.0)))",
+        "without plan()",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("part", "line", "what"), REFUSED.values(), ids=REFUSED)
+def test_what_a_run_refuses_of_a_part_the_check_refuses_in_the_same_words(
+    part: str,
+    line: str,
+    what: str,
+    checked: Printed,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    Path("mine.py").write_text(PARTS.format(**{"looker": "pass", "steerer": "pass", part: line}))
+    place = f"mine:{part.capitalize()}"
+    said = checked(f"mine.py:{part.capitalize()}", 1)
+    flag = {"looker": "--estimator", "steerer": "--controller"}[part]
+    assert main(["run", "safe-flight", flag, place, "--out", "run"]) == 2
+    refusal = " ".join(capsys.readouterr().err.split())
+    assert what in refusal
+    assert refusal.removeprefix("mathnavi: ").partition("; allowed: ")[0] in said
+
+
+def test_the_check_flies_a_part_for_half_a_second(
+    checked: Printed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    made = "SimpleNamespace(period=mission.control_period, update=lambda *given: 3)"
+    looker = f"build = staticmethod(lambda config, mission: {made})"
+    Path("mine.py").write_text(PARTS.format(looker=looker, steerer="pass"))
+    said = checked("mine.py:Looker", 0)
+    assert "scenarios safe-flight, simultaneous-arrival" in said
+    assert "vehicle: estimate-unusable, " in said
+
+
+@pytest.mark.parametrize("name", ["kazantzis_kravaris", "beacon_bank", "gatekeeper"])
+def test_a_part_that_fits_no_scenario_as_it_stands_is_no_fault_of_the_part(name: str, checked: Printed) -> None:
+    assert "nothing is missing" in checked(name, 0)
 
 
 def test_an_estimator_is_shown_the_scenarios_that_it_fits(checked: Printed) -> None:

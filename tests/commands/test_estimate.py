@@ -5,17 +5,21 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
+from mathnavi.estimators.kalman import Kalman, KalmanConfig
 from mathnavi.interfaces.protocols import Sensor, StateView
 from mathnavi.interfaces.signals import Array, Measurement
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.records.figure_names import is_wall_clock
+from mathnavi.renders.report import events_sections
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, is_wall_clock
+from mathnavi.sim.records.run_folder import read_log
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 
@@ -82,6 +86,43 @@ def test_readings_between_control_steps_and_plans_under_certificate_are_the_same
     main(["run", *mission, *words, "0.1", "--faults.gust-rms", "0.5", "--out", str(tmp_path / "flight")])
     main(["estimate", "kalman", str(tmp_path / "flight")])
     assert_same_run(tmp_path / "flight", tmp_path / "flight-kalman")
+
+
+class Boaster(Kalman):
+    """Estimator that declares a tenth of the error that it has, and names what happens to it."""
+
+    @staticmethod
+    def build(config: KalmanConfig, mission: FlightMission) -> Boaster:
+        return Boaster(config, mission)
+
+    @staticmethod
+    def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
+        quality = Kalman.quality(config, mission)
+        return replace(quality, error=0.01 * quality.error, driving=0.01 * quality.driving)
+
+    def events(self) -> list[tuple[str, str]]:
+        return [("boast", "it is sure")] if self.period else []
+
+
+def test_an_estimator_that_did_not_fly_has_no_part_in_the_flight(mission: tuple[str, ...], tmp_path: Path) -> None:
+    """The tracking bound rests on the quality of the estimator that flew, not on that of this one."""
+    flight, other = tmp_path / "flight", tmp_path / "other"
+    words = ("--estimator", "kalman", "--noise.position", "2", "--faults.gust-rms", "0.5")
+    main(["run", *mission, *words, "--out", str(flight)])
+    main(["estimate", "tests.commands.test_estimate:Boaster", str(flight), "--out", str(other)])
+    flown, estimated = (json.loads((run / "summary.json").read_text()) for run in (flight, other))
+    for group in ("mission", "path", "safety", "tracking", "planning", "solver"):
+        keys = set(SUMMARY_GROUPS[group]) & set(flown)
+        assert {key: estimated[key] for key in keys} == {key: flown[key] for key in keys}, group
+    configs = [json.loads((run / "config.json").read_text()) for run in (flight, other)]
+    assert configs[0]["mission"] == configs[1]["mission"]
+    log = read_log(other)
+    of_estimate, of_flight = events_sections(log.events, log.config)
+    assert "it is sure" in of_estimate
+    assert "it is sure" not in of_flight
+    assert f"As they were recorded in {flight}" in of_flight
+    assert "guarantee held" not in of_estimate
+    assert "guarantee held" in of_flight
 
 
 def test_another_estimator_sees_the_same_readings(

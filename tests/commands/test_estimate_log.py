@@ -67,7 +67,8 @@ def test_a_log_is_estimated_as_by_a_script(folder: Path, capsys: pytest.CaptureF
         np.testing.assert_array_equal(arrays["estimate.nis"], found.extra["nis"])
         assert arrays["estimate.status"].tolist() == [status.name for status in found.status]
     again = mn.SensorLog.from_csv(
-        "log-range_iekf/estimates.csv", readings={"x": ["x_1", "x_2", "x_3"], "deviation": ["deviation_3"]}
+        "log-range_iekf/estimates.csv",
+        readings={"x": ["x [m]", "y [m]", "heading [rad]"], "deviation": ["deviation of heading"]},
     )
     np.testing.assert_array_equal(again.readings["x"], found.x)
     np.testing.assert_array_equal(again.readings["deviation"][:, 0], found.deviation[:, 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import sys
@@ -12,10 +13,14 @@ from pathlib import Path
 from typing import Any, get_args
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
 from mathnavi.commands.new import POINTS, Kind, class_of, contents, templates
+from mathnavi.renders.generic.run_data import load_run
+from mathnavi.renders.generic.scene import generic_scene
+from mathnavi.renders.palette import SceneElement
 from tests.docs.test_blocks import blocks_of
 from tests.docs.test_notebooks import assert_form
 
@@ -52,6 +57,47 @@ def test_what_is_made_runs_and_passes_its_own_tests(made: tuple[str, Path]) -> N
     assert pytest.main([*own, *tests]) == 0
     if kind in FIRST_RUNS:
         assert main(FIRST_RUNS[kind]) == 0
+
+
+OTHER_WHEELS = (  # of another rover: larger tyres of another shape, farther apart, slower, in another magnetic field
+    ('magnetic="0 0.5 -0.2"', 'magnetic="0.2 0.3 -0.4"'),
+    ('type="ellipsoid" size="0.08 0.02 0.08"', 'type="cylinder" size="0.12 0.02" euler="1.5707963267948966 0 0"'),
+    ('pos="0.05 0.14 -0.02"', 'pos="0.05 0.2 0.02"'),
+    ('pos="0.05 -0.14 -0.02"', 'pos="0.05 -0.2 0.02"'),
+    ('ctrlrange="-10 10"', 'ctrlrange="-6 6"'),
+)
+
+
+def test_another_model_in_place_of_the_one_that_is_made_is_driven_by_its_own_dimensions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "vehicle", "roller"]) == 0
+    monkeypatch.syspath_prepend(str(tmp_path / "roller"))
+    model = tmp_path / "roller" / "roller" / "roller.xml"
+    text = model.read_text()
+    for before, after in OTHER_WHEELS:
+        assert before in text
+        text = text.replace(before, after)
+    model.write_text(text)
+    vehicle = importlib.import_module("roller.vehicle")
+    body = vehicle.Body.of(vehicle.build_model())
+    assert (body.wheel_radius, body.track, body.wheel_speed_max) == pytest.approx((0.12, 0.4, 6.0))
+    assert body.magnetic == (0.2, 0.3)
+    Roller = importlib.import_module("roller.scenario").Roller
+    run = Roller.build(Roller.Config(), seed=3).run()
+    assert run.success
+    truth = run["truth.estimands"][np.searchsorted(run.t, run["estimate.t"] - 1e-9)]
+    east, north, heading = (run["estimate.x"] - truth).T
+    assert np.hypot(east, north).max() < 0.2
+    assert np.abs(np.sin(heading)).max() < 0.05
+    scene = run.scene_arrays()
+    assert scene is not None
+    ends = scene["plan.roller.pos"][scene["plan.roller.offsets"][1:] - 1]
+    np.testing.assert_allclose(ends[:, :2], np.tile([4.0, 1.5], (len(ends), 1)), atol=1e-6)  # to the dock
+    assert (np.abs(ends[:, 2] - 0.1) < 0.05).all()  # at the height of the chassis
+    generic = generic_scene(load_run(run.save(tmp_path / "out")))
+    assert SceneElement.PLAN.value in {lines.layer.name for lines in generic.lines}
 
 
 def test_each_entry_point_leads_to_what_is_made(made: tuple[str, Path]) -> None:

@@ -39,8 +39,13 @@ def printed(capsys: pytest.CaptureFixture[str]) -> str:
 
 @pytest.mark.usefixtures("trials_here")
 def test_the_worst_missions_are_named_drawn_and_flown_again(
-    mission: tuple[str, ...], path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    mission: tuple[str, ...],
+    path: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")  # pictures in the reports
     scenario, *given = mission
     fields = (*given, "--planner.grid-nodes", "17", "--planner.nodes", "7", "--faults.gust-rms", "0.5")
     objective = ("--minimise", "clearance_margin_m", "--over", "planner.margin=0..25", "--over", "start[2]=700..900")
@@ -61,6 +66,9 @@ def test_the_worst_missions_are_named_drawn_and_flown_again(
     assert np.array_equal(logs[0]["truth.x"], logs[1]["truth.x"])
     page = path.with_suffix(".html").read_text(encoding="utf-8")
     assert "mathnavi run safe-flight --seed 0" in page
+    assert '<a href="out/worst-1/report.html">' in page  # and from there to the search
+    report = (tmp_path / "out/worst-1/report.html").read_text(encoding="utf-8")
+    assert f'A run of <a href="../../{path.stem}.html">the search {path.stem} (safe-flight, mission ' in report
     with Image.open(path.with_suffix(".png")) as picture:
         assert np.asarray(picture.convert("L")).std() > 10.0
 

@@ -118,7 +118,9 @@ def check_identifiers(source: str) -> None:
 
 
 def checked_report(run: Path) -> tuple[str, Page]:
-    """The report of a run as a user gets it, source and page: it stands alone and names every figure of the summary."""
+    """The report of a run as a user gets it, source and page: it stands alone, its title says what was found, and it
+    names every figure of the summary.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "lay_out", lay_out)
         path = write_report(run)
@@ -127,6 +129,9 @@ def checked_report(run: Path) -> tuple[str, Page]:
     check_stands_alone(source)
     check_identifiers(source)
     page = Page(source)
+    title = re.search("<h1>(.*?)</h1>", source)
+    assert title is not None
+    assert re.search("seed [0-9]+: .*[0-9]", title[1]), title[1]
     for key in json.loads((run / "summary.json").read_text(encoding="utf-8")).keys() - {SHORTFALL}:
         assert any(label(key)[0] in word for word in page.words), key
     return source, page

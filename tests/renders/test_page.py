@@ -102,3 +102,11 @@ def test_rows_of_unequal_length_are_refused() -> None:
 
 def test_a_table_without_rows_has_its_head_alone() -> None:
     assert Page(page.table(("a", "b"), [])).words == ["a", "b", "\n", "\n"]
+
+
+@pytest.mark.parametrize(
+    "place", ["javascript:alert(1)", "https://elsewhere", "//elsewhere", "/etc/passwd", "\\\\a", ""]
+)
+def test_a_link_leads_to_a_page_beside_and_nowhere_else(place: str) -> None:
+    assert page.link(place, "<it>") == "&lt;it&gt;"
+    assert page.link("../a b.html", "it") == '<a href="../a%20b.html">it</a>'

@@ -58,6 +58,7 @@ def test_everything_that_was_found_is_shown(study: StudyPage) -> None:
     for word in (*study.summary, "Table A.1", "73,169", "71,080", "69953", "–", "Medians.", "Paths.", study.command):
         assert word in page.words
     assert sum(tag == "svg" for tag, _ in page.attributes) == 2
+    assert "<h1>Horizon, ridges: 1 of 3 claims holds, 1 does not, 1 was not measured</h1>" in source
     assert "T_p = 5 s" in {layer["name"] for layer in page.scenes[0]["layers"]}
     assert len(source.encode()) < 2e6
 

@@ -135,7 +135,9 @@ def solve_by(
         bounded = adaptive or method not in ("auto", "direct") if verify is None else verify
         count = (STARTS if bounded else 1) if starts is None else starts
         own = problem.guess if guess is None else sampled(guess)
-        others = OtherStarts(count - 1, own, (lambda start: again(start, None)) if adaptive else chosen)
+        others = OtherStarts(
+            count - 1, own, (lambda start: again(start, None)) if adaptive else chosen, asked=starts is not None
+        )
         return verified(
             found, again if adaptive else None, options, budget, bounded=bounded, others=others if count > 1 else None
         )

@@ -2,7 +2,9 @@
 
 The problem is solved from other guesses (see ``feasibility.starts``), first that of the guessed controls,
 simulated, on a coarse uniform mesh: 21 nodes with three points each. A coarse mesh has an error of J of its own, so
-what counts is J of the solution that is known, solved on that mesh too. Where J from another start is lower there,
+what counts is J of the solution that is known, solved on that mesh too. A mesh on which it cannot be solved, because it
+is too coarse for it, compares nothing: where the caller has asked for other starts, they are solved on the first of
+twice, four and eight times as many intervals on which the known one can be. Where J from another start is lower there,
 
     J_c < J_c(known) - 1e-3 J_s,
 
@@ -31,7 +33,7 @@ from mathnavi.controllers.ocp.transcriptions.collocation import RadauIIA
 STARTS = 3
 """number of starts, the own one and others, where the error of J is bounded"""
 _SEED = 0
-_NODES, _POINTS = 21, 3
+_NODES, _POINTS = (21, 41, 81, 161), 3  # of the meshes, the first that holds the known solution; of each interval
 _ITERATIONS, _SECONDS = 100, 5.0  # of a start
 _TOLERANCE = 1e-8  # of the solver there
 _LOWER = 1e-3  # of J_s: difference of J on the coarse mesh that counts
@@ -45,6 +47,7 @@ class OtherStarts:
     count: int
     guess: GuessedTrajectory
     method: Callable[[Solution], Solution]  # solves the problem from a solution on another mesh, and replays it
+    asked: bool = False  # True if the caller has asked for them: finer meshes are tried where the coarsest does not do
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Minima:
     costs: tuple[float, ...]
     starts: tuple[int, ...]
     failed: int  # starts that led to none
+    nodes: int = _NODES[0]  # of the mesh: the finest that was tried
 
     def __str__(self) -> str:
         """The minima in words."""
@@ -65,8 +69,11 @@ class Minima:
         none = f", none from {self.failed}" if self.failed else ""
         total = sum(self.starts) + self.failed
         if not found:
-            return f"{total} other starts are not compared: a coarse mesh does not hold the solution"
-        return f"minima from {total} starts, on a coarse mesh: {found}{none}"
+            return (
+                f"{total} other starts are not compared: the solution cannot be solved again on the coarse mesh of "
+                f"{self.nodes} nodes that compares them"
+            )
+        return f"minima from {total} starts, on a coarse mesh of {self.nodes} nodes: {found}{none}"
 
 
 def minima(solution: Solution, others: OtherStarts, size: float, options: Options, budget: Budget) -> Minima:
@@ -80,16 +87,19 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
         budget: CPU time of the call that this belongs to.
     """
     problem, p = solution.problem, solution.parameters
-    grid = on_breaks(uniform(_NODES), problem.breaks)
     coarse = dataclasses.replace(
         options, tolerance=_TOLERANCE, backend="ipopt", warm=False, log=None,
         seconds=min(budget.left(options).seconds, _SECONDS), iterations=min(options.iterations, _ITERATIONS),
     )  # fmt: skip
-    with at("other starts", "coarse mesh"):
-        made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
-        known = made.solve(solution, grid, p, explained=False)
-    if not known.solved:  # on this mesh: nothing to compare with
-        return Minima(None, None, (), (), others.count)
+    for nodes in _NODES if others.asked else _NODES[:1]:
+        grid = on_breaks(uniform(nodes), problem.breaks)
+        with at("other starts", "coarse mesh"):
+            made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
+            known = made.solve(solution, grid, p, explained=False)
+        if known.solved or budget.spent:
+            break
+    if not known.solved:  # on any of these meshes: nothing to compare with
+        return Minima(None, None, (), (), others.count, nodes)
     found, failed = [known], 0
     for start in islice(_guesses(solution, others), others.count):
         if budget.spent:
@@ -113,7 +123,7 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
             gain = solution.cost - max(better.cost, better.replay.cost)
             unconfirmed = better.cost if gain > 10.0 * size * better.replay.error else None
     costs, counts = tuple(group[0].cost for group in groups), tuple(len(group) for group in groups)
-    return Minima(chosen, None if chosen is not None else unconfirmed, costs, counts, failed)
+    return Minima(chosen, None if chosen is not None else unconfirmed, costs, counts, failed, nodes)
 
 
 def _guesses(solution: Solution, others: OtherStarts) -> Iterator[GuessedTrajectory]:

@@ -1,7 +1,9 @@
-"""Check of a scenario, a controller or an estimator: what a run would ask of it, and for a scenario its first moments.
+"""Check of a scenario, a controller, an estimator or a consensus: what a run refuses, and its first half second.
 
 A scenario is built with its default fields and seed 0, and flown for half a second. What its plug-ins answer in that
-time, what its vehicles touch and whether its referee ends it are looked at; nothing is written.
+time, what its vehicles touch and whether its referee ends it are looked at; nothing is written. A plug-in of another
+kind is built into every scenario whose mission it fits, and flown for half a second in the first that takes it: what a
+run refuses is refused here by the same code, in the same words.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from importlib.metadata import EntryPoint
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from mathnavi.commands.check_findings import CheckResult, split_joined
 from mathnavi.commands.errors import BadInputError, bad_plugin
@@ -21,14 +23,16 @@ from mathnavi.sim.engine.contact_messages import KINDS, declaration, thing_touch
 from mathnavi.sim.engine.log import Recording, names_of
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.plugin.groups import PREFIXES
-from mathnavi.sim.plugin.registry import NEEDED, check_class, load, loadable, names
+from mathnavi.sim.plugin.registry import NEEDED, OtherMissionError, check_class, load, loadable, names
+from mathnavi.sim.records.event_kinds import is_alarm
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.declared_signals import check_declared, name_signals, with_inputs
 
 SECONDS = 0.5  # for which a scenario is flown
 WORDS = {"scenarios": "scenario", "controllers": "controller", "estimators": "estimator", "consensus": "consensus"}
-_ROUTINE = (*KINDS, "vehicle-contact", "input-clipped")  # events that no plug-in causes by its answer
+_EXPECTED = (*KINDS, "vehicle-contact", "input-clipped")  # events that no plug-in causes by its answer
+_BEGINNING = ("guarantee-held", "message", "estimator-status", "blind", "low-clearance")  # of runs as they begin
 
 
 def check_plugin(place: str) -> CheckResult:
@@ -100,33 +104,54 @@ def _article(word: str) -> str:
 
 
 def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
-    """Check a controller, an estimator or a consensus: the mission that it is for, the scenarios with such a one."""
-    mission = _mission_of(plugin)
+    """Check a controller, an estimator or a consensus in the scenarios that have a mission of its kind."""
+    part, mission = WORDS[kind], _mission_of(plugin)
+    scenarios = loadable("scenarios")
     if mission is None:
         result.note(
             "build() does not say which mission it is for: with another one it fails where it first misses something",
             "def build(config: Config, mission: FlightMission)",
         )
+    else:
+        result.fact("built for", [f"a {_names_of(mission)}"])
+    taking: dict[str, ClosedLoop] = {}
+    refusing: dict[str, ValueError] = {}
+    for name, scenario in scenarios.items():
+        if not _has_such(kind, scenario):
+            continue
+        try:
+            taking[name] = _with_part(kind, name, result.subject).build()
+        except OtherMissionError:
+            continue
+        except ValueError as error:
+            refusing[name] = error
+    if taking:
+        result.fact("scenarios", [split_joined(list(taking))])
+        first = next(iter(taking))
+        recording = _flown(_with_part(kind, first, result.subject), taking[first], result)
+        if recording is not None and result.fits:
+            result.command = f"mathnavi run {first} --{part} {result.subject}"
+    elif faults := [error for error in refusing.values() if isinstance(error, PluginError)]:
+        result.refused(" ".join(str(faults[0]).split()))
         return
-    name = getattr(mission, "__name__", str(mission))
-    part = WORDS[kind]
-    fitting = [
-        scenario
-        for scenario, its in loadable("scenarios").items()
-        if kind in ("controllers", "estimators") and _same_mission(kind, getattr(its, part), mission)
-    ]
-    result.fact("built for", [f"a {name}"])
-    if fitting:
-        result.fact("scenarios", [split_joined(fitting)])
-        result.command = f"mathnavi run {fitting[0]} --{part} {result.subject}"
+    elif mission is not None and not refusing:
+        result.fact("scenarios", ["none that is installed has such a mission"])
+    for name, refusal in refusing.items():
+        if mission is not None:
+            result.note(f"{name} with its default fields does not take it: {' '.join(str(refusal).split())}", "")
 
 
-def _same_mission(kind: str, default: str, mission: Any) -> bool:
-    try:
-        its = _mission_of(load(kind, default))
-    except PluginError:
-        return False
-    return its is mission or (isinstance(its, type) and isinstance(mission, type) and _is_subclass(its, mission))
+def _has_such(kind: str, scenario: Any) -> bool:
+    """True for a scenario with a plug-in of a kind: all have a controller and an estimator, some a consensus."""
+    return kind != "consensus" or isinstance(getattr(scenario.Config(), "consensus", None), str)
+
+
+def _with_part(kind: str, scenario: str, place: str) -> RunSpec:
+    """Return the run of a scenario with its default fields and a plug-in in the place of its own."""
+    if kind == "consensus":
+        return RunSpec.of(scenario, fields={"consensus": place})
+    controller, estimator = (place if kind == each else None for each in ("controllers", "estimators"))
+    return RunSpec.of(scenario, 0, controller, estimator)
 
 
 def _mission_of(plugin: Any) -> Any:
@@ -137,23 +162,38 @@ def _mission_of(plugin: Any) -> Any:
         return None
 
 
-def _is_subclass(one: type, other: type) -> bool:
-    try:
-        return issubclass(one, other)
-    except TypeError:  # a protocol with data
-        return False
+def _names_of(mission: Any) -> str:
+    """Return the name of a type of mission, or the names of several that are joined by "|"."""
+    return " or ".join(each.__name__ for each in get_args(mission)) or str(getattr(mission, "__name__", mission))
 
 
 # ---- a scenario
 
 
 def _check_scenario(place: str, scenario: Any, result: CheckResult) -> None:
+    spec = RunSpec.of(place, 0)
     try:
-        spec = RunSpec.of(place, 0)
         closed_loop: ClosedLoop = spec.build()
-        result.fact("parts", [f"controller {scenario.controller}, estimator {scenario.estimator}"])
-        for name in closed_loop.plant.names:
-            _describe(name, closed_loop, result)
+    except ValueError as error:
+        result.refused(" ".join(str(error).split()))
+        return
+    result.fact("parts", [f"controller {scenario.controller}, estimator {scenario.estimator}"])
+    for name in closed_loop.plant.names:
+        _describe(name, closed_loop, result)
+    recording = _flown(spec, closed_loop, result)
+    if recording is None:
+        return
+    _check_estimates(recording, result)
+    if closed_loop.task is None:
+        inputs = f'{{"{closed_loop.plant.names[0]}": Inputs.within(("thrust [N]", ...), limits)}}'
+        result.note("without a task it is no environment for learning", f"closed_loop(..., task=Task({inputs}, cost))")
+    if result.fits:
+        result.command = f"mathnavi run {place}"
+
+
+def _flown(spec: RunSpec, closed_loop: ClosedLoop, result: CheckResult) -> Recording | None:
+    """Fly the first half second and look at it; None, and a finding, where a run is refused."""
+    try:
         with spec.failures("a run"):
             duration = min(SECONDS, closed_loop.duration)
             check_declared(closed_loop.plant, closed_loop.agents, closed_loop.estimands)
@@ -164,14 +204,9 @@ def _check_scenario(place: str, scenario: Any, result: CheckResult) -> None:
             closed_loop.summarise(recording, 1.0)
     except ValueError as error:
         result.refused(" ".join(str(error).split()))
-        return
+        return None
     _check_beginning(recording, duration, result)
-    _check_estimates(recording, result)
-    if closed_loop.task is None:
-        inputs = f'{{"{closed_loop.plant.names[0]}": Inputs.within(("thrust [N]", ...), limits)}}'
-        result.note("without a task it is no environment for learning", f"closed_loop(..., task=Task({inputs}, cost))")
-    if result.fits:
-        result.command = f"mathnavi run {place}"
+    return recording
 
 
 def _describe(name: str, closed_loop: ClosedLoop, result: CheckResult) -> None:
@@ -209,11 +244,18 @@ def _check_beginning(recording: Recording, duration: float, result: CheckResult)
             result.note(f"{what}, which is an event", declaration(things))
     if ended and not _touched(events):
         result.missing(f"the run ends after {t:.3g} s", "a start at which finished(t, truths) is False")
-    counts = Counter((event.agent, event.kind) for event in events if event.kind not in _ROUTINE)
+    counts = Counter((event.agent, event.kind) for event in events if not _is_expected(event))
     for (agent, kind), number in counts.items():
         first = next(event for event in events if (event.agent, event.kind) == (agent, kind))
         times = f"{number} times, first" if number > 1 else "once,"
         result.note(f"{agent}: {kind}, {times} at {first.t:.3g} s: {first.message}", "")
+
+
+def _is_expected(event: Event) -> bool:
+    """True for an event that says nothing of a plug-in; an estimate that is lost says something."""
+    if event.kind in _BEGINNING:
+        return event.kind != "estimator-status" or not is_alarm(event)
+    return event.kind in _EXPECTED
 
 
 def _touched(events: Sequence[Event]) -> list[tuple[str, list[str]]]:

@@ -175,11 +175,18 @@ def _contents(found: EstimateHistory, log: SensorLog) -> tuple[bytes, bytes]:
 
 
 def _table(found: EstimateHistory) -> str:
-    count = found.x.shape[1]
+    names = found.names or tuple(f"x_{k + 1}" for k in range(found.x.shape[1]))
+    further = {
+        name: found.extra[figure][:, k].tolist()
+        for figure, of_figure in found.figures.items()
+        if figure in found.extra and found.extra[figure].shape[1:] == (len(of_figure),)
+        for k, name in enumerate(of_figure)
+    }
     columns: Mapping[str, Any] = {
         "t [s]": found.t.tolist(),
-        **{f"x_{k + 1}": found.x[:, k].tolist() for k in range(count)},
-        **{f"deviation_{k + 1}": found.deviation[:, k].tolist() for k in range(count)},
+        **{name: found.x[:, k].tolist() for k, name in enumerate(names)},
+        **{f"deviation of {name}": found.deviation[:, k].tolist() for k, name in enumerate(names)},
+        **further,
         "status": [status.name for status in found.status],
     }
     text = io.StringIO()

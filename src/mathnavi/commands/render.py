@@ -27,8 +27,9 @@ class RenderOptions:
     """file of the picture, whose ending says the format: .mp4, .webm, .gif or .webp of a video, .png, .jpg or .webp of
     a still, .webp of a clip; video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp in DIR if not given"""
     camera: str | None = None
-    """camera: of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of
-    robots top, chase; of bodies and arms panel, scene; of others fixed, track, top, board, and those of the model"""
+    """camera; of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of
+    the robots of range-localisation top, chase; of bodies and arms panel, scene; of vehicles of your own fixed, track,
+    top, board, and the cameras of their model"""
     still: bool = False
     """whether to draw a still picture instead of a video"""
     time: float | None = None

@@ -20,6 +20,8 @@ from mathnavi.commands.search_results import SearchResults, print_results, write
 from mathnavi.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError, RunFolderError
+from mathnavi.sim.plugin.trust import trusting
+from mathnavi.sim.records.run_folder import NothingToDrawError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import check_space, directed
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -155,16 +157,32 @@ def main(argv: Sequence[str]) -> int:
     print_results(console, results)
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
     try:
+        worst: list[Path] = []
         if options.out is not None:
-            for folder in write_worst(results, options.out, options.worst):
+            of_search = options.store.with_suffix(".html") if options.report else None
+            worst = write_worst(results, options.out, options.worst, of_search)
+            for folder in worst:
                 console.print(f"run     {folder}", soft_wrap=True, highlight=False)
         if options.report:
-            for page in write_pages(results, options.store):
+            for folder in worst:
+                _write_report(folder)
+            for page in write_pages(results, options.store, worst):
                 console.print(f"report  {page}", soft_wrap=True, highlight=False)
     except (OSError, RunFolderError) as error:
         print_error(worded(error))
         return 1
     return 0
+
+
+def _write_report(folder: Path) -> None:
+    """Write the report of a run beside its files, to which the page of the search links."""
+    from mathnavi.renders.report import write_report  # slow to import
+
+    try:
+        with trusting():  # its drawing is the one of the scenario that has been flown
+            write_report(folder)
+    except (NothingToDrawError, RunFolderError) as error:
+        print_error(f"no report of {folder}: {worded(error)}")
 
 
 def _search(

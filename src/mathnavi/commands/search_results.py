@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -112,18 +113,34 @@ def print_results(console: Console, results: SearchResults) -> None:
         console.print(f"failed  mission {each.number + 1}: {each.reason}", soft_wrap=True, highlight=False)
 
 
-def write_worst(results: SearchResults, folder: Path, count: int) -> list[Path]:
-    """Fly the worst missions again, each into its own folder: worst-1, worst-2, ..."""
-    return [
-        each.trial.flown().save(inside(folder, folder / f"worst-{k}"))
-        for k, each in enumerate(results.worst(count), 1)
-        if each.trial is not None
-    ]
+def write_worst(results: SearchResults, folder: Path, count: int, page: Path | None = None) -> list[Path]:
+    """Fly the worst missions again, each into its own folder: worst-1, worst-2, ...
+
+    Each names the search that it belongs to, with its ``page``, if it has one.
+    """
+    written = []
+    for k, each in enumerate(results.worst(count), 1):
+        if each.trial is None:
+            continue
+        own, run = inside(folder, folder / f"worst-{k}"), each.trial.flown()
+        if page is not None:
+            name = f"the search {page.stem} ({results.scenario}, mission {each.number + 1})"
+            part_of = {"name": name, "page": os.path.relpath(page.resolve(), own.resolve())}
+            run = replace(run, config={**run.config, "part_of": part_of})
+        written.append(run.save(own))
+    return written
 
 
-def write_pages(results: SearchResults, store: Path) -> list[Path]:
-    """Write the page and the picture next to the store."""
+def write_pages(results: SearchResults, store: Path, worst: Sequence[Path] = ()) -> list[Path]:
+    """Write the page and the picture next to the store, with links to the reports of the ``worst`` runs."""
+    from mathnavi.renders.page import Markup, link
     from mathnavi.renders.search_report import Point, SearchPage, write_search_report  # slow to import
+
+    reports = [os.path.relpath((folder / "report.html").resolve(), store.resolve().parent) for folder in worst]
+
+    def mission(k: int, number: int) -> str | Markup:
+        drawn = k < len(worst) and (worst[k] / "report.html").is_file()
+        return link(reports[k], str(number)) if drawn else str(number)
 
     points = [
         Point(
@@ -135,16 +152,16 @@ def write_pages(results: SearchResults, store: Path) -> list[Path]:
         )
         for each in results.evaluations
     ]
+    known = [each for each in results.worst(LISTED) if each.trial is not None]
     rows = [
         (
-            str(each.number + 1),
+            mission(k, each.number + 1),
             f"{each.figure:.6g}",
             *_cells(each, _shown(results)),
             _shortfall(each),
-            command_of(each.trial),
+            "" if each.trial is None else command_of(each.trial),
         )
-        for each in results.worst(LISTED)
-        if each.trial is not None
+        for k, each in enumerate(known)
     ]
     lines = [
         (str(each.number + 1), each.ending, ", ".join(_cells(each, _shown(results))), each.reason)
@@ -152,7 +169,7 @@ def write_pages(results: SearchResults, store: Path) -> list[Path]:
         if each.ending != "flown"
     ]
     page = SearchPage(
-        title=f"{results.scenario}: {counted(len(results.evaluations), 'mission')} of search",
+        title=f"{results.scenario}: {results.finding}",
         key=results.objective.key,
         largest=results.objective.largest,
         until=results.until,

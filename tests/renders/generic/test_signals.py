@@ -55,6 +55,20 @@ def charts_of(folder: Path, made: Recording) -> dict[str, Chart]:
 DECLARED = replace(NAMES, estimands=("heading [rad]", "speed [m/s]"))
 
 
+def test_the_figures_of_an_estimate_have_names_and_an_axis_each(tmp_path: Path) -> None:
+    """The changes of a scale near 0 are not seen on the axis of one near 1."""
+    made = recording(replace(DECLARED, figures={"scales": ("scale of speed [-]", "offset [m]"), "pressed": ("a", "b")}))
+    made.agents["rover"].estimates[:] = [
+        replace(each, extra={**each.extra, "scales": np.array([1.0, 1e-3 * each.t, 0.0])[:2]})
+        for each in made.agents["rover"].estimates
+    ]
+    charts = charts_of(tmp_path, made)
+    assert [len(charts[name].series) for name in ("scale of speed", "offset")] == [1, 1]
+    assert (charts["scale of speed"].unit, charts["offset"].unit) == ("", "m")
+    assert "pressed, estimated" in charts  # one number, for which two names are none
+    assert read_signal_names(tmp_path)["rover"].figures["scales"] == ("scale of speed [-]", "offset [m]")
+
+
 def test_the_browser_has_an_estimate_of_a_part_of_the_state_over_its_truth(tmp_path: Path) -> None:
     charts = charts_of(tmp_path, recording(DECLARED))
     assert next(iter(charts)) == "heading"  # first what is estimated, and attitudes last of the states

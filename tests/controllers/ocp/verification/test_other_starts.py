@@ -15,6 +15,7 @@ from mathnavi.controllers.ocp.problem import OptimalControlProblem
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 from mathnavi.controllers.ocp.solution import SolverOutcome
 from mathnavi.controllers.ocp.solver import Options
+from mathnavi.controllers.ocp.verification import other_starts
 from mathnavi.controllers.ocp.verification.other_starts import STARTS, OtherStarts, minima
 from mathnavi.interfaces.errors import ProblemError
 
@@ -37,7 +38,7 @@ def test_several_starts_find_the_lower_of_two_minima_and_say_what_they_found() -
     assert found["x"][-1] == pytest.approx(-2.0, abs=0.1)
     assert found.cost < nearer.cost - 0.5
     assert f"from another start than J = {nearer.cost:.7g}" in found.message
-    assert f"minima from 6 starts, on a coarse mesh: J about {found.cost:.4g} from" in found.message
+    assert f"minima from 6 starts, on a coarse mesh of 21 nodes: J about {found.cost:.4g} from" in found.message
     assert two_wells(OptimalControlProblem("two wells")).solve(starts=6).cost == found.cost
 
 
@@ -71,6 +72,38 @@ def test_the_eight_switchings_of_the_literature_are_not_the_lowest_minimum_of_a_
     others = OtherStarts(STARTS - 1, problem.guess, lambda start: start)
     found = minima(known, others, 1.0, Options(), Budget(Options()))
     assert min(found.costs) == pytest.approx(7.6886, rel=5e-3)
+
+
+def test_a_mesh_that_does_not_hold_the_solution_is_refined_for_starts_that_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Almost as fast as can be: one interval, whose control is saturated at its points, is too slow; more are not."""
+    ocp = OptimalControlProblem("rush")
+    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(2.02)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.start(x, 0.0)
+    ocp.start(v, 0.0)
+    ocp.end(x, 1.0)
+    ocp.end(v, 0.0)
+    ocp.minimise(running=u**2)
+    known = ocp.solve(41, tolerance=1e-2, starts=1)
+    assert known.solved
+    monkeypatch.setattr(other_starts, "_NODES", (2, 5, 9))
+    found = [
+        minima(
+            known, OtherStarts(3, known.problem.guess, lambda start: start, asked), 1.0, Options(), Budget(Options())
+        )
+        for asked in (False, True)
+    ]
+    assert not found[0].costs
+    assert "3 other starts are not compared: the solution cannot be solved again on the coarse mesh of 2" in str(
+        found[0]
+    )
+    assert found[1].costs[0] == pytest.approx(known.cost, rel=0.05)
+    assert f"minima from 4 starts, on a coarse mesh of {found[1].nodes} nodes: J about" in str(found[1])
+    assert found[1].nodes > 2
 
 
 @pytest.mark.parametrize("starts", [0, True, 2.0, "3"])

@@ -111,7 +111,7 @@ class MechanismSystem:
 
     @property
     def constraint_acceleration(self) -> Array:
-        """Acceleration (nv,) [rad/s^2, m/s^2] by which contacts, limits and other constraints acted in the last step."""
+        """Acceleration (nv,) [rad/s^2, m/s^2] by which constraints, such as contacts, acted in the last step."""
         return self._step.constraint_acceleration
 
     @property

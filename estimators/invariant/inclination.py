@@ -60,6 +60,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 _UNKNOWN_HEADING = math.pi**2 / 3.0  # [rad^2] variance of an angle that may be any
 _LONGEST = 2.1  # periods between readings, one of which was lost, with some jitter
 _TURN_CHANGES = 2.0  # [rad^2/s^3] density of the change of the rate of turn in a gap: 1 rad/s in half a second
+_FORGOTTEN = 0.3  # [rad] standard deviation of the inclination from which on a reading says more
 _CREEP, _CREEPS_FOR = 0.01, 0.5  # [m/s] standard deviation of the velocity at rest, and for how long it is the same [s]
 _APART = 3.0  # of the time 1 / omega_c, after which velocities are nearly independent
 
@@ -160,14 +161,18 @@ class InertialAttitude:
         self._readings.note(t)
         self._t, self._rate = t, reading[:3] - self._bias
         if h > FARTHEST:
+            variances = np.full(3, self._mission.inertial.gyro_bias**2)
+            self._bias, self._P[7:, 7:] = np.zeros(3), np.diag(variances)
             self._begin(reading[3:])
             return
         if h > _LONGEST * self._mission.period:
-            self._bridge(h)
+            if self._bridge(h):
+                self._begin(reading[3:])
+                return
         self._at_rest = self._quiet.take(reading)
         still = self._quiet.oldest
         step(self._q, self._motion, self._bias, self._P, reading, h, self._at_rest, still, self._parameters)
-        if t - self._tested >= _APART / self._mission.corner - TIME_TOLERANCE:
+        if self._found and t - self._tested >= _APART / self._mission.corner - TIME_TOLERANCE:
             self._tested = t
             R = self._mission.speed**2 * np.eye(2)
             self._monitor.note(t, self._motion[:2].copy(), self._P[3:5, 3:5] + R, R)
@@ -175,30 +180,38 @@ class InertialAttitude:
             self._found, self._gap = True, False
 
     def _begin(self, force: Array) -> None:
-        """Begin with the vertical along a specific force (3,), as far as the declared accelerations allow."""
+        """Begin with the vertical along a specific force (3,), as far as the declared accelerations allow.
+
+        What is known of the gyro's bias stays.
+        """
         length = float(np.linalg.norm(force))
         up = force / length if length > TIME_TOLERANCE else np.array([0.0, 0.0, 1.0])
         aside = np.eye(3)[int(np.argmin(np.abs(up)))]
         forward = aside - (aside @ up) * up
         forward /= np.linalg.norm(forward)
         self._q = quaternion(np.array([forward, np.cross(up, forward), up]))
-        again, mission = self._found or self._gap, self._mission
-        self._found, self._gap = False, again
+        mission = self._mission
+        self._found, self._gap = False, self._gap or self._found
         acceleration = mission.speed * mission.corner
         tilt = min(math.hypot(acceleration, mission.inertial.accelerometer) / mission.gravity, 0.5 * math.pi)
-        variances = np.zeros(STATES)
-        variances[:2], variances[HEADING] = tilt**2, _UNKNOWN_HEADING
-        variances[7:] = mission.inertial.gyro_bias**2
-        self._P, self._bias = np.diag(variances), np.zeros(3)
+        self._P[:3], self._P[:, :3] = 0.0, 0.0
+        self._P[0, 0] = self._P[1, 1] = tilt**2
+        self._P[HEADING, HEADING] = _UNKNOWN_HEADING
+        self._monitor.begin_again()
         self._forget_motion()
 
-    def _bridge(self, h: float) -> None:
-        """Prepare for a gap of h [s]: the device may have turned otherwise than evenly, and moved anyhow."""
+    def _bridge(self, h: float) -> bool:
+        """Prepare for a gap of h [s]: the device may have turned otherwise than evenly, and moved anyhow.
+
+        True if so little is left of what was known of the vertical that the filter is to begin again.
+        """
         for k in range(3):
             self._P[k, k] += _TURN_CHANGES * h**3 / 3.0
         self._P[HEADING, HEADING] = min(self._P[HEADING, HEADING], _UNKNOWN_HEADING)
         self._forget_motion()
-        self._found, self._gap = self._is_known(), self._gap or self._found
+        self._gap = self._gap or self._found
+        self._found = self._is_known()
+        return bool(max(self._P[0, 0], self._P[1, 1]) > _FORGOTTEN**2)
 
     def _forget_motion(self) -> None:
         """Take the declared motion for what is known of velocity and place."""

@@ -2,12 +2,13 @@
 
 The state is X = (q, v, p, b): the attitude q, the horizontal velocity v and place p in a world with z up, and the bias
 b of the gyro. Its error is right-invariant in the attitude, q = Exp(theta) q^, v = Exp(theta) v^ + xi_v and likewise p,
-with the components (theta (3), xi_v (2), xi_p (2), beta (3)). Over h, the rate of turn held, it is linear whatever the
-state is, with g the acceleration of free fall,
+with the components (theta (3), xi_v (2), xi_p (2), beta (3)). Over h, the rate of turn held, and the
+specific force in the axes at its end, it is linear whatever the state is, with g the acceleration of free fall,
 
-    theta <- theta - h R beta,    xi_v <- xi_v + h g (theta_2, -theta_1),    xi_p <- xi_p + h xi_v,
+    theta <- theta - h R beta,    xi_p <- xi_p + h xi_v + h^2 g (theta_2, -theta_1) / 2,
+                                  xi_v <- xi_v + h g (theta_2, -theta_1),
 
-but for terms of v^ beta, of second order. Readings are scalars z = H xi + n, and one after the other is used,
+in this order, but for terms of v^ beta, of second order. Readings are scalars z = H xi + n, and one after the other is used,
 
     s = H P H' + r,    xi <- xi + P H' (z - H xi) / s,    P <- P - P H' H P / s.
 
@@ -116,17 +117,17 @@ def step(
 
 @inner_njit
 def _propagate(P: Array, R: Array, h: float, g: float) -> None:
-    """Replace P by A P A', A the map of the module's head: rows and columns in the order in which they are used up."""
+    """Replace P by A P A', A the map of the module's head, in its order."""
+    half = 0.5 * h * h * g
     for columns in range(2):
         M = P if columns == 0 else P.T
         for j in range(STATES):
-            half = 0.5 * h * h * g
+            for i in range(3):
+                M[i, j] -= h * (R[i, 0] * M[7, j] + R[i, 1] * M[8, j] + R[i, 2] * M[9, j])
             M[5, j] += h * M[3, j] + half * M[1, j]
             M[6, j] += h * M[4, j] - half * M[0, j]
             M[3, j] += h * g * M[1, j]
             M[4, j] -= h * g * M[0, j]
-            for i in range(3):
-                M[i, j] -= h * (R[i, 0] * M[7, j] + R[i, 1] * M[8, j] + R[i, 2] * M[9, j])
 
 
 @inner_njit

@@ -72,8 +72,8 @@ class Row:
 def read_trial(file: Path) -> Trial:
     """Read a trial; LogError for a file that is none."""
     log = mn.read_log(file, "matlab", rate_array="sampling_rate")
-    arrays = [log[name].values for name in ("imu_gyr", "imu_acc", "opt_quat", "movement")]
-    return Trial(file.stem, float(log.facts["sampling_rate"]), *arrays[:3], arrays[3].ravel() > 0.5)
+    gyro, force, truth, moving = (log[name].values for name in ("imu_gyr", "imu_acc", "opt_quat", "movement"))
+    return Trial(file.stem, float(log.facts["sampling_rate"]), gyro, force, truth, moving.ravel() > 0.5)
 
 
 def ours(trial: Trial) -> Row:
@@ -117,10 +117,9 @@ def figures(row: Row, trial: Trial) -> dict[str, float]:
     """Root mean squares [deg] over the movement, NEES over 2 and the share that is sure and wrong, NaN without a
     covariance, and the time of an update [us].
     """
-    known = np.isfinite(trial.truth).all(axis=1)
-    first = int(np.argmax(trial.moving))
-    before = known.copy()
-    before[: max(first - round(_BEFORE * trial.rate), 0)] = before[first:] = False
+    known = ~np.isnan(trial.truth[:, 0])
+    ahead = int(np.argmax(trial.moving)) - np.arange(len(known))  # readings before the movement
+    before = known & (ahead > 0) & (ahead <= round(_BEFORE * trial.rate))
     inclination, heading = attitude_errors(row.q, trial.truth)
     if before.any():
         heading = wrapped(heading - math.atan2(np.sin(heading[before]).mean(), np.cos(heading[before]).mean()))
@@ -157,7 +156,9 @@ def main(options: AttitudeArguments) -> int:
         files = sorted(options.data.glob(f"{number}_*.mat"))
         if not files:
             whole = False
-            print(f"trial {number}: there is no {options.data / number}_*.mat; see the head of this file for where it is")
+            print(
+                f"trial {number}: there is no {options.data / number}_*.mat; see the head of this file for where it is"
+            )
             continue
         run(read_trial(files[0]), options.delay)
     return 0 if whole else 1

@@ -165,10 +165,9 @@ class InertialAttitude:
             self._bias, self._P[7:, 7:] = np.zeros(3), np.diag(variances)
             self._begin(reading[3:])
             return
-        if h > _LONGEST * self._mission.period:
-            if self._bridge(h):
-                self._begin(reading[3:])
-                return
+        if h > _LONGEST * self._mission.period and self._bridge(h):
+            self._begin(reading[3:])
+            return
         self._at_rest = self._quiet.take(reading)
         still = self._quiet.oldest
         step(self._q, self._motion, self._bias, self._P, reading, h, self._at_rest, still, self._parameters)

@@ -8,7 +8,8 @@ specific force in the axes at its end, it is linear whatever the state is, with 
     theta <- theta - h R beta,    xi_p <- xi_p + h xi_v + h^2 g (theta_2, -theta_1) / 2,
                                   xi_v <- xi_v + h g (theta_2, -theta_1),
 
-in this order, but for terms of v^ beta, of second order. Readings are scalars z = H xi + n, and one after the other is used,
+in this order, but for terms of v^ beta, of second order. Readings are scalars z = H xi + n, and one
+after the other is used,
 
     s = H P H' + r,    xi <- xi + P H' (z - H xi) / s,    P <- P - P H' H P / s.
 
@@ -42,14 +43,14 @@ def turned(q: Array, theta: Array) -> Array:
     return _product(q, e)
 
 
-@inner_njit
+@inner_njit(nogil=True)
 def _exponential(theta: Array) -> Array:
     angle = math.sqrt(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2])
     c = 0.5 if angle < _SMALL else math.sin(0.5 * angle) / angle
     return np.array([math.cos(0.5 * angle), c * theta[0], c * theta[1], c * theta[2]])
 
 
-@inner_njit
+@inner_njit(nogil=True)
 def _product(p: Array, q: Array) -> Array:
     r = np.array(
         [
@@ -115,7 +116,7 @@ def step(
     return force
 
 
-@inner_njit
+@inner_njit(nogil=True)
 def _propagate(P: Array, R: Array, h: float, g: float) -> None:
     """Replace P by A P A', A the map of the module's head, in its order."""
     half = 0.5 * h * h * g
@@ -130,7 +131,7 @@ def _propagate(P: Array, R: Array, h: float, g: float) -> None:
             M[4, j] -= h * g * M[0, j]
 
 
-@inner_njit
+@inner_njit(nogil=True)
 def _condition(xi: Array, P: Array, k: int, slope: float, z: float, r: float) -> None:
     """Condition xi (10,) and P on z = slope xi_k + n, n of variance r; P stays symmetric to the bit."""
     b = np.empty(STATES)

@@ -45,7 +45,8 @@ class QuietWindow:
     @property
     def oldest(self) -> Array:
         """The oldest reading (6,) of a full window."""
-        return self._kept[self._count % len(self._kept)]
+        reading: Array = self._kept[self._count % len(self._kept)]
+        return reading
 
     def clear(self) -> None:
         """Forget the readings, as after a gap."""

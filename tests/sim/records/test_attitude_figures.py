@@ -25,7 +25,9 @@ def world_turned(q: Array, theta: Array) -> Array:
     return turned(q, rotation(q).T @ theta)
 
 
-@pytest.mark.parametrize(("tilt", "heading"), [((0.3, 0.0), 0.0), ((0.0, -0.2), 1.0), ((0.1, 0.2), -2.5), ((0, 0), 3.0)])
+@pytest.mark.parametrize(
+    ("tilt", "heading"), [((0.3, 0.0), 0.0), ((0.0, -0.2), 1.0), ((0.1, 0.2), -2.5), ((0, 0), 3.0)]
+)
 def test_a_turn_about_the_vertical_and_one_about_a_horizontal_axis_are_told_apart(
     tilt: tuple[float, float], heading: float
 ) -> None:

@@ -12,11 +12,8 @@ The heading is never seen: it is that of the gyro, from wherever it was at the s
 
 from __future__ import annotations
 
-import numpy as np
-
 from mathnavi.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.interfaces.protocols import Sensor
-from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.mission import InertialQuality, InertialSensor
 
 IMU = "imu"
@@ -65,8 +62,10 @@ class InertialMission:
 
     @property
     def motion_densities(self) -> tuple[float, float, float]:
-        """Densities of white noises [m^2 s, m^2/s, m^2/s^3] with which place, velocity and acceleration, read as zero,
-        have the likelihood of the motion: those of 1 / S_p(w), which is a sum of w^0, w^2 and w^4.
+        """Densities of the noises with which place, velocity and acceleration are read as zero.
+
+        White noises of these densities [m^2 s, m^2/s, m^2/s^3] give the likelihood of the motion: 1 / S_p(w) is a sum
+        of w^0, w^2 and w^4.
         """
         omega = self.corner
         return 4.0 * self.region**2 / omega, 2.0 * self.speed**2 / omega, 4.0 * self.speed**2 * omega
@@ -74,13 +73,3 @@ class InertialMission:
     def sensors_carried(self) -> tuple[Sensor, ...]:
         """Make the sensors of one run: "imu" (6,), without biases."""
         return (InertialSensor(self.inertial, self.gravity, 1.0 / self.period, name=IMU),)
-
-    @staticmethod
-    def inclination(q: Array, truth: Array) -> float:
-        """Angle [rad] between the verticals of two attitudes (4,): what is left of their difference when one may be
-        turned about the vertical.
-        """
-        w, x, y, z = q * np.array([1.0, -1.0, -1.0, -1.0])
-        a, b, c, d = truth
-        along = (a * w - b * x - c * y - d * z, a * z + d * w + b * y - c * x)  # of truth q^-1
-        return 2.0 * float(np.arccos(min(np.hypot(*along), 1.0)))

@@ -7,7 +7,7 @@ import pytest
 
 from mathnavi.estimators.invariant.inclination_kernels import quaternion_covariance, turned
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.inertial_mission import STATES, InertialMission
+from mathnavi.models.inertial_mission import STATES
 from mathnavi.models.quaternion import rotation
 from mathnavi.sim.records.attitude_figures import (
     attitude_errors,
@@ -36,7 +36,6 @@ def test_a_turn_about_the_vertical_and_one_about_a_horizontal_axis_are_told_apar
         inclination, turn = attitude_errors(sign * q[None], Q[None])
         assert inclination[0] == pytest.approx(tilt, abs=1e-9)
         assert turn[0] == pytest.approx(heading, abs=1e-9)
-    assert InertialMission.inclination(q, Q) == pytest.approx(np.hypot(*tilt), abs=1e-7)
 
 
 def test_the_covariance_of_the_components_gives_that_of_the_inclination() -> None:

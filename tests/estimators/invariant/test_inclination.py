@@ -128,6 +128,14 @@ def test_a_device_that_is_faster_than_declared_is_degraded() -> None:
     assert "velocities" in found.message[-1]
 
 
+def test_an_accelerometer_in_gravities_is_refused_with_its_unit() -> None:
+    imu = device().log.readings["imu"][:200] / np.repeat([1.0, 9.81], 3)
+    log = mn.SensorLog(device().log.t[:200], {"imu": imu})
+    with pytest.raises(mn.LogError, match=r"accelerometer.*9\.8"):
+        mn.estimate("inertial_attitude", MISSION, log)
+    assert not mn.estimate("inertial_attitude", MISSION, log, trust_units=True).unused
+
+
 def test_a_declared_delay_is_made_up_for() -> None:
     t = device().log.t[:1000]
     late, truth = mn.SensorLog(t, {"imu": device().log.readings["imu"][:1000]}), device().truth[3:1003]

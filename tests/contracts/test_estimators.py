@@ -390,7 +390,8 @@ def handheld_bench(silent: bool = False) -> Bench:
     phases, frequencies, reach = np.array([0.0, 1.0, 2.0]), np.array([5.0, 4.0, 6.0]), 0.1
 
     def rate(t: float) -> Array:
-        return np.array([1.5, 1.0, 0.8]) * np.sin(np.array([2.0, 1.3, 0.7]) * t + phases)
+        turning: Array = np.array([1.5, 1.0, 0.8]) * np.sin(np.array([2.0, 1.3, 0.7]) * t + phases)
+        return turning
 
     def step(x: Array, u: Array) -> Array:
         t, q = x[4] + mission.period, turned(x[:4], mission.period * rate(x[4] + 0.5 * mission.period))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
 from typing import Annotated
@@ -26,7 +27,7 @@ _TIMES = ("t", "time", "times", "timestamp", "timestamps", "stamp", "stamps")  #
 
 @configuration
 class ArraysConfig:
-    """Place of the times: one of the first three fields, or none of them if an array is called t or time."""
+    """Place of the times: one of the first four fields, or none of them if an array is called t or time."""
 
     time: str | None = None
     """array with the times of all arrays with as many rows"""
@@ -34,14 +35,16 @@ class ArraysConfig:
     """column of each array that holds its times, the first is 0"""
     rate: Positive | None = None
     """readings per second, of arrays without times [Hz]"""
+    rate_array: str | None = None
+    """array of one number, the readings per second of arrays without times [Hz]"""
     time_unit: str = "s"
     """unit of the times, s, ms, us or ns"""
     arrays: Annotated[tuple[str, ...], TOGETHER] = ()
     """names of the arrays that are read; all if not given"""
 
     def __post_init__(self) -> None:
-        if sum(each is not None for each in (self.time, self.time_column, self.rate)) > 1:
-            raise FieldError("time, time_column and rate exclude each other; allowed: one of them")
+        if sum(each is not None for each in (self.time, self.time_column, self.rate, self.rate_array)) > 1:
+            raise FieldError("time, time_column, rate and rate_array exclude each other; allowed: one of them")
         if self.time_unit not in PER_SECOND:
             raise FieldError(f"time_unit = {self.time_unit!r}; allowed: {', '.join(PER_SECOND)}")
 
@@ -84,6 +87,8 @@ def _log(
     path: Path, kind: str, arrays: Mapping[str, Array], facts: Mapping[str, str], notes: list[str], config: ArraysConfig
 ) -> RecordedLog:
     facts, tables = dict(facts), {}
+    if config.rate_array is not None:
+        config = replace(config, rate=_rate(path, arrays, config.rate_array), rate_array=None)
     if unknown := [name for name in config.arrays if name not in arrays]:
         raise LogError(f"{path}: there is no array {unknown[0]!r}; {allowed_for(unknown[0], list(arrays))}")
     if config.arrays and (others := [name for name in arrays if name not in {*config.arrays, config.time}]):
@@ -116,6 +121,17 @@ def _log(
         raise LogError(f"{path}: no array has times; the arrays are {shapes}; allowed: time, time_column or rate")
     described = f"array {clock!r}" if clock in arrays else clock
     return RecordedLog(str(path), kind, channels, described, Decimal(start) / factor, facts, tuple(notes))
+
+
+def _rate(path: Path, arrays: Mapping[str, Array], name: str) -> float:
+    """Readings per second that an array of one number says."""
+    if name not in arrays:
+        raise LogError(f"{path}: there is no array {name!r}; {allowed_for(name, list(arrays))}")
+    value = float(arrays[name].ravel()[0]) if arrays[name].size == 1 else math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        shape = arrays[name].shape
+        raise LogError(f"{path}: rate_array = {name!r} of shape {shape} is no rate; allowed: one number > 0 [Hz]")
+    return value
 
 
 def _epoch(t: Array, unit: str) -> int:

@@ -26,6 +26,7 @@ from mathnavi.interfaces.units import si_unit
 from mathnavi.models.angles import wrapped
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.logs.recorded_log import Channel, Disorder, RecordedLog
+from mathnavi.sim.records.attitude_figures import continued, is_quaternion
 from mathnavi.sim.records.figure_names import UNUSED_READINGS, UNUSED_REASONS
 from mathnavi.sim.records.log_arrays import SAMPLED
 from mathnavi.sim.records.reference_figures import reference_figures
@@ -88,7 +89,7 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
         notes += [
             f"the reference {name!r} has no unit; an angle is compared as one if it is called {f'{name} [rad]'!r}"
             for name in states
-            if not name_and_unit(name)[1]
+            if not (name_and_unit(name)[1] or name.endswith("]"))
         ]
         truth, kept = _interpolated(found.t, found.readings["reference"], states, t)
         if (left := int(np.logical_not(kept).sum())) > 0:
@@ -160,6 +161,10 @@ def _interpolated(t: Array, rows: Array, names: Sequence[str], at: Array) -> tup
     """Values (n, m) at times (n,) of rows (k, m) at t (k,), and True (n,) where they are known."""
     known = np.isfinite(rows).all(axis=1)
     t, rows = t[known], rows[known]
+    if is_quaternion(names):
+        between = np.column_stack([np.interp(at, t, column) for column in continued(rows).T])
+        between /= np.linalg.norm(between, axis=1)[:, None]
+        return between, (at >= t[0]) & (at <= t[-1])
     columns = []
     for name, column in zip(names, rows.T, strict=True):
         if name_and_unit(name)[1] == "rad":

@@ -17,6 +17,11 @@ DEFINITIONS: dict[str, str] = {
     "converged": "The error of the estimate is within its limits over the last part of the run.",
     "position_rms_m": "Root mean square error of the estimated position, over the last quarter of the run.",
     "heading_rms_deg": "Root mean square error of the estimated heading, over the last quarter of the run.",
+    "inclination_rms_deg": "Root mean square angle between the estimated vertical and that of the reference.",
+    "heading_drift_rms_deg": (
+        "Root mean square error of the heading, relative to that when the estimate could be used first."
+    ),
+    "attitude_rms_deg": "Root mean square angle of the error of the attitude, with the drift of its heading.",
     "convergence_time_s": (
         "Last time at which position or heading is off by more than its limit, or there is no estimate."
     ),

@@ -9,6 +9,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
+        "inclination_rms_deg", "heading_drift_rms_deg", "attitude_rms_deg",
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",

@@ -15,6 +15,7 @@ from scipy.special import chdtri
 
 from mathnavi.interfaces.signal_names import difference, name_and_unit
 from mathnavi.interfaces.signals import Array
+from mathnavi.sim.records.attitude_figures import attitude_figures, is_quaternion
 from mathnavi.sim.records.sensor_log import EstimateHistory
 
 _CHANCE = 1e-3  # of an error that counts as wrong
@@ -32,12 +33,16 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
     Returns:
         Root mean squares over the times at which the estimate may be used, ``position_rms_m``, ``heading_rms_deg`` and
         ``rms NAME [UNIT]`` of all others; ``nees_mean`` there, by m, so that it is one of a consistent estimate;
-        ``usable_share``, ``wrong_share`` of all times, and ``initialising_s``, when it could be used first.
+        ``usable_share``, ``wrong_share`` of all times, and ``initialising_s``, when it could be used first. Of a
+        quaternion, "NAME w [-]" and so on, those of ``attitude_figures``.
     """
     rows = np.clip(np.searchsorted(t, found.t - 1e-9), 0, len(t) - 1)
+    usable = found.usable
+    first = float(found.t[int(np.argmax(usable))] - found.t[0]) if usable.any() else math.nan
+    if is_quaternion(names):
+        return {**attitude_figures(found.x, found.covariance, usable, reference[rows]), "initialising_s": first}
     pairs = zip(names, found.x.T, reference[rows].T, strict=True)
     errors = np.column_stack([difference(name, x, true) for name, x, true in pairs])
-    usable = found.usable
     nees = squared_by_covariance(errors, found.covariance)
     units = [name_and_unit(name)[1] for name in names]
     position = [k for k, unit in enumerate(units) if unit == "m"][:2]
@@ -56,7 +61,7 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
     figures["nees_mean"] = float(nees[usable].mean()) / len(names) if usable.any() else math.nan
     figures["usable_share"] = float(usable.mean())
     figures["wrong_share"] = float(wrong.mean())
-    figures["initialising_s"] = float(found.t[int(np.argmax(usable))] - found.t[0]) if usable.any() else math.nan
+    figures["initialising_s"] = first
     return figures
 
 

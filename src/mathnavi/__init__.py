@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.field.polygon import Polygon
+    from mathnavi.models.inertial_mission import InertialMission
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import sphere as Sphere  # noqa: N812
@@ -122,6 +123,7 @@ _PLACES = {
     "FlightMission": "models.aerial.mission",
     "QuadrotorMission": "models.quadrotor.mission",
     "InertialQuality": "models.quadrotor.mission",
+    "InertialMission": "models.inertial_mission",
     # optimal control
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
     "MultiPhaseProblem": "controllers.ocp.phases",
@@ -204,6 +206,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "FlightMission",
     "QuadrotorMission",
     "InertialQuality",
+    "InertialMission",
     "OptimalControlProblem",
     "MultiPhaseProblem",
     "Monitor",

@@ -13,6 +13,7 @@ import mathnavi as mn
 from mathnavi.commands.cli import main
 from mathnavi.sim.records.run_folder import read_log, read_signal_names
 from tests.estimators.beacons.drives import PERIOD, PLACES, drive
+from tests.estimators.invariant.handheld import handled
 
 MISSION = f"""
 import mathnavi as mn
@@ -156,3 +157,34 @@ def test_a_smoother_needs_an_estimator_and_a_folder_no_readings(
     words = ("--mission", "mower.py:mission", "--readings", "beacon_ranges=TD 2")
     assert main(["estimate", "beacon_bank", "run", *words]) == 2
     assert "--readings with run" in capsys.readouterr().err
+
+
+DEVICE = """
+import mathnavi as mn
+
+mission = mn.InertialMission(period=0.01)
+"""
+
+
+def test_an_inertial_log_with_a_rate_in_place_of_times_and_an_attitude_as_reference(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As BROAD's files are: an array for each sensor, the rate as a number, quaternions of either sign and some NaN."""
+    device = handled(seconds=6.0, rest=2.0)
+    attitude = device.truth * np.where(np.arange(len(device.truth)) % 7 == 3, -1.0, 1.0)[:, None]
+    attitude[100:103] = np.nan
+    imu = device.log.readings["imu"]
+    savemat(tmp_path / "trial.mat", {"gyr": imu[:, :3], "acc": imu[:, 3:], "opt": attitude, "rate": 100.0})
+    (tmp_path / "device.py").write_text(DEVICE)
+    monkeypatch.chdir(tmp_path)
+    names = ",".join(f"attitude {axis} [-]" for axis in "wxyz")
+    words = ["--rate-array", "rate", "--readings", "imu=gyr,acc", "--reference", "opt", "--reference-names", names]
+    assert main(["log", "import", "trial.mat", "--out", "run", *words]) == 0
+    assert "no unit" not in capsys.readouterr().out
+    truth = read_log(tmp_path / "run").x
+    assert np.abs((truth * device.truth).sum(axis=1)).min() > 0.9999
+    assert main(["estimate", "inertial_attitude", "run", "--mission", "device.py:mission", "--out", "found"]) == 0
+    assert "inclination rms" in capsys.readouterr().out
+    summary = read_log(tmp_path / "found").summary
+    assert summary["inclination_rms_deg"] < 1.0
+    assert (summary["wrong_share"], summary["usable_share"]) == (0.0, pytest.approx(1.0, abs=0.15))

@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from mathnavi.estimators.invariant.inclination_kernels import turned
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
 from mathnavi.estimators.velocity.possible import impossible
 from mathnavi.interfaces.observer_properties import ObserverProperties
@@ -31,6 +32,7 @@ from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
+from mathnavi.models.inertial_mission import InertialMission
 from mathnavi.models.manifold.attitude import nearer
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space
 from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
@@ -43,6 +45,7 @@ from mathnavi.models.missile.dynamics import TICK as MISSILE_TICK
 from mathnavi.models.missile.mission import CASES, MissileMission, StateNoise, Target
 from mathnavi.models.quadrotor.dynamics import rigid_dynamics
 from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
+from mathnavi.models.quaternion import rotation
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TextbookMission
@@ -378,12 +381,53 @@ def finely(system: LagrangianSystem, x: Array, u: Array) -> Array:
     return x
 
 
+def handheld_bench(silent: bool = False) -> Bench:
+    """A device that is turned about all axes and moved to and fro; its state is its attitude, then what moves it.
+
+    Only the vertical counts, in the axes of the device: the heading is not observed.
+    """
+    mission = InertialMission(InertialQuality(0.0, 0.0) if silent else InertialQuality(0.005, 0.05))
+    phases, frequencies, reach = np.array([0.0, 1.0, 2.0]), np.array([5.0, 4.0, 6.0]), 0.1
+
+    def rate(t: float) -> Array:
+        turning: Array = np.array([1.5, 1.0, 0.8]) * np.sin(np.array([2.0, 1.3, 0.7]) * t + phases)
+        return turning
+
+    def step(x: Array, u: Array) -> Array:
+        t, q = x[4] + mission.period, turned(x[:4], mission.period * rate(x[4] + 0.5 * mission.period))
+        return np.array([*q, t])
+
+    def motion(x: Array, u: Array) -> Truth:
+        """The gyro's reading is the mean rate since the one before, as that of a real one is."""
+        t = x[4]
+        state = np.concatenate([np.zeros(3), x[:4], np.zeros(3), rate(t - 0.5 * mission.period)])
+        return Truth(state, -reach * frequencies**2 * np.sin(frequencies * t + phases))
+
+    def difference(estimate: Array, truth: Array) -> Array:
+        up = rotation(estimate)[2] - rotation(truth[:4])[2]
+        return np.array([*up, 0.0])
+
+    return Bench(
+        mission,
+        mission.period,
+        np.array([1.0, 0.0, 0.0, 0.0, 0.0]),
+        lambda t: np.zeros(0),
+        step,
+        motion,
+        np.full(4, 0.1),
+        np.full(4, 1e-3),
+        12.0,
+        difference,
+    )
+
+
 BENCHES: dict[str, Callable[[bool], Bench]] = {
     "flight": flight_bench,
     "planar missile": partial(missile_bench, "planar"),
     "spatial missile": partial(missile_bench, "spatial"),
     "ranging": ranging_bench,
     "beacons": beacons_bench,
+    "handheld": handheld_bench,
     "quadrotor": quadrotor_bench,
     "rigid body": rigid_body_bench,
     "hyperbolic plane": partial(point_bench, hyperbolic_space(2)),

@@ -127,6 +127,7 @@ def test_arrays(ending: str, tmp_path: Path) -> None:
         assert "cell not read, which is no array of numbers" in said
     uniform = mn.read_log(path, rate=10.0, arrays=("height",))
     assert uniform["height"].t.tolist() == [0.0, 0.1, 0.2]
+    assert mn.read_log(path, rate_array="rate", arrays=("height",))["height"].t.tolist() == [0.0, 0.1, 0.2]
     columns = mn.read_log(path, time_column=0, arrays=("gyro",))
     assert columns["gyro"].t.tolist() == [0.0, 3.0, 6.0]
     assert columns["gyro"].signals == ("gyro 1", "gyro 2")
@@ -156,6 +157,8 @@ def test_stamps_since_an_epoch_lose_nothing(tmp_path: Path) -> None:
         ({"arrays": ("gyra",)}, "there is no array 'gyra'; did you mean gyro?"),
         ({"time_column": 7}, "no array has times; the arrays are "),
         ({"time": "t", "rate": 2.0}, "exclude each other"),
+        ({"rate_array": "gyro"}, "rate_array = 'gyro' of shape (3, 3) is no rate; allowed: one number > 0 [Hz]"),
+        ({"rate_array": "gyra"}, "there is no array 'gyra'; did you mean gyro?"),
         ({"time_unit": "min"}, "time_unit = 'min'; allowed: s, ms, us, ns"),
         ({"rates": 1.0}, "rates"),
     ],

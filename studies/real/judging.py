@@ -33,8 +33,8 @@ POSITION, HEADING = 0.3, 0.2  # [m, rad] within which a pose is near
 KEPT = 5.0  # [s]
 COLUMNS = (
     *("part", "log", "case", "beams", "estimator", "start", "found", "position_rms_m", "position_rms_all_m"),
-    *("heading_rms_deg", "velocity_rms_rad_s", "last_error_m", "nees", "usable_share", "wrong_share", "lock_s"),
-    *("update_us", "setting"),
+    *("heading_rms_deg", "inclination_rms_deg", "total_rms_deg", "velocity_rms_rad_s", "last_error_m", "nees"),
+    *("usable_share", "wrong_share", "lock_s", "update_us", "setting"),
 )
 """columns of NAME.csv"""
 

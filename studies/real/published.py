@@ -9,6 +9,7 @@ repository: for most of it no licence is stated.
 | ``carmen`` | scans of buildings with poses by SLAM, of Radish | github.com/acschaefer/ple |
 | ``plaza`` | a lawn mower among four radio beacons (Djugash et al.) | github.com/borglab/gtsam |
 | ``mrclam6`` | unicycles among landmarks (Leung et al., 2011) | MR.CLAM, data set 6; not fetched |
+| ``broad`` | a gyro and an accelerometer beneath cameras (Laidig et al., 2021) | github.com/dlaidig/broad |
 | ``ur10e`` | an arm, its positions and torques | github.com/shamilmamedov/dynamic_calibration |
 """
 
@@ -25,6 +26,7 @@ from mathnavi.interfaces.cache_folder import cache_folder
 _GITHUB = "https://raw.githubusercontent.com"
 _PLE = f"{_GITHUB}/acschaefer/ple/cfcb5a7f12a793b616357381a688cfcc26eed347/data/carmen"
 _GTSAM = f"{_GITHUB}/borglab/gtsam/0ffe6c930302ebd297484e65e6e8d467c91d26b0/examples/Data"
+_BROAD = f"{_GITHUB}/dlaidig/broad/7e2f8189bb4a3ac91eae32c69b6bc87f08a6e2ad/data_mat"
 _UR10E = (
     f"{_GITHUB}/shamilmamedov/dynamic_calibration/11af40e7deb758ec080a175fed8fcdd6c99aca29"
     "/dataset_ur10e/identification_data"
@@ -80,6 +82,31 @@ BEACONS = LogSource(
         ),
     ),
 )  # fmt: skip
+ATTITUDES = LogSource(
+    "broad",
+    ("*.mat",),
+    tuple(
+        PublishedFile(f"{_BROAD}/{name}.mat", digest)
+        for name, digest in (
+            ("01_undisturbed_slow_rotation_A", "ad2cec0390a279953084e1de12dfd8d542af55e4ea187e68e8ebb7c316ecb96b"),
+            (
+                "04_undisturbed_slow_rotation_with_breaks_A",
+                "e414276dc54fd01337a9d26b1c635900e46218f4859f1f011f44dd9994df24e0",
+            ),
+            ("06_undisturbed_fast_rotation_A", "61cb32774b40c33d16a172dbe06503b4a3cb0b2d3e9b8eae0df66c313506a8e2"),
+            (
+                "08_undisturbed_fast_rotation_with_breaks_A",
+                "18f754d90fc4442dd9b01e116bf2b763d71517098702d77096080657a9460fd3",
+            ),
+            ("10_undisturbed_slow_translation_A", "eee6293f1d0aaf8d0ac025b873667f6f7697acad318057f4fd6a801fb31c93c1"),
+            ("15_undisturbed_fast_translation_A", "4290740d09dc3e055dd3cc939d083fa55321a9c90c0cb0aa3a6ffc26c4350951"),
+            ("16_undisturbed_fast_translation_B", "fc97a89ca41c03b7f86793c20d8ce208fe085f8a1cc6e956cce03ebf3fa57c54"),
+            ("21_undisturbed_fast_combined", "cb7be66ffc50d7d2b23abaf72a85a76925ea2db36a3fd575998811fcf68c219a"),
+            ("24_disturbed_tapping_A", "1246fed1680a882a5f4d0dc2ae16e2db9dc90281fbaf1d486c84db1f27db51fa"),
+            ("26_disturbed_phone_vibration_A", "545dda7c8b00548cfa476d53fa7e520bfae98f40ad2dac1b5686f5fda5117735"),
+        )
+    ),
+)
 UNICYCLES = LogSource("mrclam6", ("*.dat", "*.dat.gz"))
 ARMS = LogSource(
     "ur10e",

@@ -25,6 +25,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
 from mathnavi.studies.real import gtsam_smoother, targets
 from mathnavi.studies.real.arm_filters import ArmComparison, arm_rows
+from mathnavi.studies.real.attitude_logs import attitude_rows
 from mathnavi.studies.real.beacon_logs import BeaconCase, beacon_rows
 from mathnavi.studies.real.drawings import figure
 from mathnavi.studies.real.floor_windows import (
@@ -37,10 +38,20 @@ from mathnavi.studies.real.floor_windows import (
     window_rows,
     windows_of,
 )
-from mathnavi.studies.real.published import ARMS, BEACONS, FLOORS, UNICYCLES, LogSource, NotAtHandError, logs_of, named
+from mathnavi.studies.real.published import (
+    ARMS,
+    ATTITUDES,
+    BEACONS,
+    FLOORS,
+    UNICYCLES,
+    LogSource,
+    NotAtHandError,
+    logs_of,
+    named,
+)
 from mathnavi.studies.real.targets import MANY, TARGETS
 
-PartName = Literal["floors", "beacons", "unicycles", "arm"]
+PartName = Literal["floors", "beacons", "unicycles", "arm", "attitude"]
 _ODOMETRY = re.compile(r"Robot(\d+)_Odometry\.dat")
 
 
@@ -49,7 +60,7 @@ class RealConfig:
     """Logs, and how much of them."""
 
     data: Path | None = None
-    """folder with carmen, plaza, mrclam6 and ur10e; fetched from where they were published if not given"""
+    """folder with carmen, plaza, mrclam6, ur10e and broad; fetched from where they were published if not given"""
     parts: Annotated[tuple[PartName, ...], TOGETHER] = get_args(PartName)
     """parts of the study"""
     windows: Count = 10
@@ -123,16 +134,22 @@ def _arm(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
     yield arm_rows, ArmComparison(tune, tests, config.arm), {}
 
 
+def _attitude(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
+    for file in files:
+        yield attitude_rows, file, {}
+
+
 PARTS: Mapping[PartName, LogPart] = {
     "floors": LogPart(FLOORS, _floors, ("floor", "room")),
     "beacons": LogPart(BEACONS, _beacons, ("beacons",)),
     "unicycles": LogPart(UNICYCLES, _unicycles, ("unicycles",)),
     "arm": LogPart(ARMS, _arm, ("arm",)),
+    "attitude": LogPart(ATTITUDES, _attitude, ("attitude",)),
 }
 
 
 class Real:
-    """Estimators on logs that others have recorded: buildings, beacons, landmarks, an arm."""
+    """Estimators on logs that others have recorded: buildings, beacons, landmarks, an arm, an IMU."""
 
     Config = RealConfig
     quick = RealConfig(parts=("beacons",), windows=1, beams=(2,))
@@ -211,7 +228,7 @@ def _summary(reasons: Mapping[str, str]) -> tuple[str, ...]:
         f"unknown start, the others begin within 0.3 m and 0.15 rad. Left out: {LEFT_OUT}.",
         "Among beacons and landmarks errors are against the published reference, and deviations were set by hand on "
         "these logs; GTSAM begins with the reference. Of the arm the reference is made of the readings of its own log, "
-        "by polynomials that know the future.",
+        "by polynomials that know the future. Attitudes are judged by cameras, while the device moves, as BROAD does.",
         "Sure and wrong: OK, and off by more than three declared deviations for over a second. Lock: from the start to "
         "the first estimate that is near and stays so.",
         *(missing if reasons else ()),
@@ -231,7 +248,7 @@ def _caption(drawn: DrawnWindow | None) -> str:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """A table of buildings, of beacons and landmarks, and of the arm, of those with rows."""
+    """A table of buildings, of beacons and landmarks, of the arm and of attitudes, of those with rows."""
     buildings = [row for row in rows if row["part"] in PLACES]
     drives = [row for row in rows if row["part"] in ("beacons", "unicycles")]
     arm = chosen(rows, part="arm")
@@ -239,6 +256,7 @@ def tables(rows: Sequence[Row]) -> list[Table]:
         Table("Buildings, medians over windows; shares are means", _BUILDINGS, _building_rows(buildings)),
         Table("Beacons and landmarks", _DRIVES, [_drive_cells(row) for row in drives]),
         Table("Arm", _ARM, [_arm_cells(row) for row in arm]),
+        Table("Attitude", _ATTITUDE, [_attitude_cells(row) for row in chosen(rows, part="attitude")]),
     )
     return [each for each in made if each.rows]
 
@@ -250,6 +268,10 @@ _BUILDINGS = (
 _DRIVES = (
     *("log", "beacons", "method", "start", "error while used, RMS [m]", "at all times [m]", "heading [°]", "NEES"),
     *("used [%]", "sure and wrong [%]", "lock [s]", "update [µs]"),
+)
+_ATTITUDE = (
+    *("trial", "filter", "inclination, RMS [°]", "drift of the heading, RMS [°]", "total, RMS [°]", "NEES"),
+    *("sure and wrong [%]", "update [µs]"),
 )
 _ARM = ("log", "filter", "parameter", "error, RMS [rad/s]", "NEES", "sure and wrong [%]", "update [µs]")
 
@@ -282,6 +304,14 @@ def _arm_cells(row: Row) -> tuple[str, ...]:
     return (
         row["log"], row["estimator"], row["case"], f"{row['velocity_rms_rad_s']:.4f}", _number(row["nees"]),
         _percent([row], "wrong_share"), _number(row["update_us"]),
+    )  # fmt: skip
+
+
+def _attitude_cells(row: Row) -> tuple[str, ...]:
+    degrees = (f"{row[name]:.2f}" for name in ("inclination_rms_deg", "heading_rms_deg", "total_rms_deg"))
+    return (
+        row["log"], row["estimator"], *degrees, _number(row["nees"]), _percent([row], "wrong_share"),
+        _number(row["update_us"]),
     )  # fmt: skip
 
 

@@ -163,7 +163,7 @@ CLAIMS = {
     "monitors": {"B.arclength-best-problems", "ocp.monitors-radau"},
     "active-control": {"range.active", "range.active-limit", "C.input-decides", "C.basis", "C.deliberate"},
     "mismatch": {"mismatch.converged", "mismatch.sure-and-wrong", "mismatch.consistency"},
-    "real": {"real.room", "real.floor", "real.beacons", "real.unicycles", "real.arm"},
+    "real": {"real.room", "real.floor", "real.beacons", "real.unicycles", "real.arm", "real.attitude"},
     "integrity": {"integrity.sure-and-wrong", "integrity.false-alarm", "integrity.recovers"},
     "introduction-examples": {
         *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),

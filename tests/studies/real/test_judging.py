@@ -10,7 +10,7 @@ import pytest
 import mathnavi as mn
 from mathnavi.interfaces.signals import Status
 from mathnavi.studies.real.judging import pose_figures, row
-from mathnavi.studies.real.targets import TARGETS, judge_arm, judge_beacons, judge_floor, judge_room
+from mathnavi.studies.real.targets import TARGETS, judge_arm, judge_attitude, judge_beacons, judge_floor, judge_room
 
 
 def history(off: np.ndarray, usable_from: int) -> mn.EstimateHistory:
@@ -78,6 +78,25 @@ def test_an_arm_is_compared_with_the_best_of_the_tuned_filters() -> None:
     measured, holds = judge_arm(rows(0.95))
     assert "0.95 of constant-acceleration Kalman" in measured
     assert not holds
+
+
+def test_attitudes_are_compared_by_their_mean_over_trials() -> None:
+    def rows(own: float, *others: str) -> list[dict[str, object]]:
+        errors = {"a": {"inertial_attitude": own, "VQF": 0.4}, "b": {"inertial_attitude": 0.9, "VQF": 0.8}}
+        return [
+            row(part="attitude", log=log, estimator=name, inclination_rms_deg=error, wrong_share=0.0)
+            for log, by_name in errors.items()
+            for name, error in by_name.items()
+            if name in ("inertial_attitude", *others)
+        ]
+
+    measured, holds = judge_attitude(rows(0.3, "VQF"))
+    assert holds
+    assert "0.600 deg in the mean of 2 trials, VQF 0.600 deg; the least error in 1 trials" in measured
+    assert judge_attitude(rows(0.31, "VQF"))[1] is False
+    measured, holds = judge_attitude(rows(0.3))
+    assert holds is None
+    assert "rival not at hand" in measured
 
 
 def test_what_is_not_at_hand_is_not_measured_for_a_reason() -> None:

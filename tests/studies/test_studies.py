@@ -335,7 +335,7 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path, monke
 
 
 def small_logs(folder: Path) -> dict[str, Any]:
-    """Fields of the study of real logs for logs in a folder that have two parts of four."""
+    """Fields of the study of real logs for logs in a folder that have two parts of five."""
     write_building(folder / "carmen" / "room-corrected.log", 5)
     write_plaza(folder / "plaza" / "Plaza1_.mat", 120)
     return {"data": folder, "beams": (4,), "seconds": 40.0, "apart": 10.0}

@@ -11,9 +11,7 @@ taken, and the estimate is lost until a step can be taken.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 
-import casadi
 import numpy as np
 
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
@@ -23,9 +21,8 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.runge_kutta import dormand_prince
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.models.textbook.system import System
+from mathnavi.models.textbook.slopes import output_and_slope, transition_slope
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _MOST = 1e3  # normalised square of an innovation that counts
@@ -55,7 +52,7 @@ class TextbookEkf:
         self.period = mission.period
         self._config, self._system = config, mission.system
         n, m = len(mission.system.states), len(mission.system.outputs)
-        self._transition, self._output = _transition(mission.system), _output(mission.system)
+        self._transition, self._output = transition_slope(mission.system), output_and_slope(mission.system)
         self._filter = external_prediction_ekf(n, m)
         self._filter.x = mission.start_state
         self._filter.P = np.diag(np.square(mission.deviation))
@@ -156,20 +153,3 @@ class TextbookEkf:
     def _status(self, t: float, covariance: Array) -> Status:
         status = self._timeout_monitor.status(t, covariance)
         return status if self._followed or status is Status.INITIALISING else Status.LOST
-
-
-@lru_cache(maxsize=16)
-def _transition(system: System) -> casadi.Function:
-    """Function (x, u, h) -> Jacobian (n, n) of the state after h [s], by one Dormand-Prince step."""
-    x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
-    h = casadi.SX.sym("h")
-    after, _ = dormand_prince(system.f, x, u, h)
-    return casadi.Function("transition", [x, u, h], [casadi.jacobian(after, x)])
-
-
-@lru_cache(maxsize=16)
-def _output(system: System) -> casadi.Function:
-    """Function (x, u) -> y (m,) and its Jacobian (m, n)."""
-    x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
-    y = system.h(x, u)
-    return casadi.Function("output", [x, u], [y, casadi.jacobian(y, x)])

@@ -5,7 +5,8 @@
 Over each period y(t) is the polynomial through the last readings, four at most, the newest among them, and z follows
 its equation to the error of ``mathnavi.models.runge_kutta``: the sampling error is of fourth order in the period, and
 x^ has no lag. If the newest reading is missing, x^ is propagated as a copy of the system, and z = Psi(x^). An observer
-whose state escapes keeps its last state, and is lost.
+whose state escapes keeps its last state, and is lost. Its accuracy is that of ``error_covariance``; while the last
+reading is off by more than that allows, it is degraded.
 
 Parts of an observer in the sense of Definition 2.1.
 """
@@ -22,6 +23,7 @@ import casadi
 import numpy as np
 from annotated_types import Interval
 
+from mathnavi.estimators.textbook.error_covariance import ErrorCovariance
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
 from mathnavi.interfaces.bounds import Each, Within
 from mathnavi.interfaces.errors import FieldError
@@ -62,7 +64,7 @@ def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
 
 
 _POINTS = 4  # that the polynomial goes through
-_DEVIATIONS, _OFF = 6.0, 0.02  # of a reading, and share of the last readings, that an output is off at most
+_DEVIATIONS, _OFF = 6.0, 0.02  # of an output, and share of the last readings, that an output is off at most
 _TIME_CONSTANTS = 3.0  # of the slowest error, in which it is down to a twentieth
 
 
@@ -81,12 +83,13 @@ class SampledObserver:
             ReadingCounts(),
         )
         self._flow = _flow(law, mission)
+        self._errors = ErrorCovariance(law.F, law.size, law.Psi, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
         self._t: float | None = None  # [s] of z; None before the first call
         self._readings: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (time [s], y (m,))
         self._followed = True  # z has not escaped, and Phi has found an x^ for it
-        self._tolerance, self._agrees = _DEVIATIONS * mission.noise, True  # x^ fits the last reading, since a gap
+        self._agrees = True  # x^ fits the last reading
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
@@ -106,19 +109,25 @@ class SampledObserver:
         if self._t is not None and t > self._t:
             self._advance(self._t, t - self._t, command)
         self._t = t
-        if not self._timeout_monitor.converged:
-            self._agrees = self._followed and self._fits(command)
-        status, extra = self._status(t), {"z": self._z.copy(), **self._counts.extra}
-        return Estimate(t, self._x.copy(), None, status, extra, waiting(status, "a reading of output"))
+        P = self._errors.of_state(self._x)
+        self._agrees = self._followed and self._fits(P, command)
+        status, extra = self._status(t, P), {"z": self._z.copy(), **self._counts.extra}
+        message = waiting(status, "a reading of output")
+        if status is Status.DEGRADED and not self._agrees:
+            message = "disagrees with its readings"
+        return Estimate(t, self._x.copy(), P, status, extra, message)
 
-    def _fits(self, u: Array) -> bool:
-        """True if the last reading is near the output of x^, with u (p,) held."""
+    def _fits(self, P: Array, u: Array) -> bool:
+        """True if the last reading is near the output of x^, whose covariance is P (n, n), with u (p,) held."""
+        if not self._readings:
+            return True
         y = self._readings[-1][1]
         off, largest = (
             np.abs(y - self._system.output(self._x, u)),
             max(np.abs(each).max() for _, each in self._readings),
         )
-        return bool((off <= self._tolerance + _OFF * largest).all())
+        tolerance = _DEVIATIONS * np.sqrt(self._errors.output_variance(self._x, P, u))
+        return bool((off <= tolerance + _OFF * largest).all())
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """Advance from the time ``begin`` [s] by h [s] with u (p,) held."""
@@ -127,11 +136,14 @@ class SampledObserver:
             return
         copied, reached = self._system.reach(self._x, u, h)
         if reached == h:
+            self._errors.copy(self._x, copied, u, h)
             self._x, self._z = copied, self._law.Psi(copied)
 
     def _observe(self, begin: float, h: float, u: Array) -> bool:
         """Advance z with the outputs of the period; True if z does not escape and there is an x^ for it."""
-        held = np.concatenate([u, self._output_after(begin).ravel()])
+        outputs = self._output_after(begin)
+        held = np.concatenate([u, outputs.ravel()])
+        self._errors.observe(self._z, u, outputs[:, 0], h)
         after, reached = self._flow.reach(np.append(self._z, 0.0), held, h)
         if reached < h:
             return False
@@ -150,8 +162,10 @@ class SampledObserver:
         coefficients[:, : len(fitted)] = fitted.T
         return coefficients
 
-    def _status(self, t: float) -> Status:
-        status = self._timeout_monitor.status(t)
+    def _status(self, t: float, covariance: Array) -> Status:
+        status = self._timeout_monitor.status(t, covariance)
+        if status is Status.OK and not self._agrees:
+            status = Status.DEGRADED
         return status if self._followed or status is Status.INITIALISING else Status.LOST
 
 

@@ -89,9 +89,13 @@ def test_with_its_sign_put_right_equation_2_4_is_the_same_observer(system: Syste
 
 
 @pytest.mark.parametrize("system", [KRENER_ISIDORI, KAZANTZIS_KRAVARIS], ids=lambda system: system.name)
-def test_as_printed_equation_2_4_leads_away(system: System) -> None:
-    _, e = errors(KazantzisKravaris, KazantzisKravarisConfig("printed"), system)
+def test_as_printed_equation_2_4_leads_away_and_says_so(system: System) -> None:
+    given = OSCILLATION if system is KRENER_ISIDORI else SWING
+    estimates = replayed(KazantzisKravaris.build(KazantzisKravarisConfig("printed"), mission(system)), given)
+    e = np.array([estimate.x - step.truth for estimate, step in zip(estimates, given, strict=True)])
     assert np.linalg.norm(e[-1]) > 3.0 * np.linalg.norm(e[0])
+    assert estimates[-1].status is Status.DEGRADED
+    assert estimates[-1].message == "disagrees with its readings"
     assert KazantzisKravaris.properties(KazantzisKravarisConfig("printed")).rate is Rate.NONE
 
 
@@ -158,3 +162,45 @@ def test_a_state_without_an_image_is_lost_and_bridged() -> None:
     assert Status.LOST in {e.status for e, s in zip(estimates, wrong, strict=True) if 0.5 < s.t < 1.0}
     assert estimates[-1].status is Status.OK
     assert np.abs(estimates[-1].x - SWING[-1].truth).max() < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("plugin", "config", "system"),
+    [
+        (Example22, Example22Config(), EXAMPLE_2_2),
+        (OutputInjection, OutputInjectionConfig(), KRENER_ISIDORI),
+        (KazantzisKravaris, KazantzisKravarisConfig(), KAZANTZIS_KRAVARIS),
+        (KazantzisKravaris, KazantzisKravarisConfig(form="corrected"), KAZANTZIS_KRAVARIS),
+    ],
+)
+def test_the_covariance_is_that_of_the_errors(plugin: type, config: object, system: System) -> None:
+    rng, noise, nees = np.random.default_rng(8), 0.01, []
+    given = {KRENER_ISIDORI: OSCILLATION, KAZANTZIS_KRAVARIS: SWING}.get(system) or list(steps(system, 4.0))
+    for _ in range(4):
+        read = [
+            replace(
+                step,
+                measurements=tuple(
+                    Measurement(y.name, y.t, y.value + noise * rng.standard_normal(len(y.value)))
+                    for y in step.measurements
+                ),
+            )
+            for step in given
+        ]
+        estimates = replayed(plugin.build(config, mission(system, noise=noise)), read)
+        assert {estimate.status for estimate in estimates[1:]} == {Status.OK}
+        for estimate, step in list(zip(estimates, given, strict=True))[250::10]:
+            e = system.difference(estimate.x, step.truth)
+            nees.append(e @ np.linalg.solve(estimate.covariance, e) / len(e))
+    assert 0.3 < np.mean(nees) < 2.0
+
+
+def test_an_observer_whose_readings_are_of_another_system_is_degraded() -> None:
+    far = [
+        replace(step, measurements=(Measurement("output", step.t, step.measurements[0].value + 3.0 * (step.t > 2.0)),))
+        for step in SWING
+    ]
+    observer = KazantzisKravaris.build(KazantzisKravarisConfig(poles=(-0.37, -0.71)), mission(KAZANTZIS_KRAVARIS))
+    statuses = [estimate.status for estimate in replayed(observer, far)]
+    assert set(statuses[:200]) == {Status.OK}
+    assert Status.DEGRADED in statuses[202:]

@@ -1,0 +1,27 @@
+"""Derivatives of a textbook system: of its state after a step, and of its output."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import casadi
+
+from mathnavi.models.runge_kutta import dormand_prince
+from mathnavi.models.textbook.system import System
+
+
+@lru_cache(maxsize=16)
+def transition_slope(system: System) -> casadi.Function:
+    """Function (x, u, h) -> Jacobian (n, n) of the state after h [s], by one Dormand-Prince step."""
+    x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
+    h = casadi.SX.sym("h")
+    after, _ = dormand_prince(system.f, x, u, h)
+    return casadi.Function("transition", [x, u, h], [casadi.jacobian(after, x)])
+
+
+@lru_cache(maxsize=16)
+def output_and_slope(system: System) -> casadi.Function:
+    """Function (x, u) -> y (m,) and its Jacobian (m, n)."""
+    x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
+    y = system.h(x, u)
+    return casadi.Function("output", [x, u], [y, casadi.jacobian(y, x)])

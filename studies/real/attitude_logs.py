@@ -19,12 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import mathnavi as mn
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
+from mathnavi.models.inertial_mission import InertialMission
+from mathnavi.sim.logs.formats import read_log
 from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
 from mathnavi.sim.records.attitude_figures import attitude_errors, inclination_covariance
 from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.sim.records.sensor_log import SensorLog, estimate
 from mathnavi.sim.records.table import Row
 from mathnavi.studies.real.judging import row
 from mathnavi.studies.real.published import peer
@@ -46,10 +48,10 @@ class Trial:
     moving: NDArray[np.bool_]  # (n,)
 
     @property
-    def log(self) -> mn.SensorLog:
+    def log(self) -> SensorLog:
         """The log for estimators."""
         t = np.arange(len(self.gyro)) / self.rate
-        return mn.SensorLog(t, {"imu": np.hstack([self.gyro, self.force])}, source=self.name)
+        return SensorLog(t, {"imu": np.hstack([self.gyro, self.force])}, source=self.name)
 
 
 @dataclass(frozen=True)
@@ -65,16 +67,16 @@ class Attitudes:
 
 def read_trial(file: Path) -> Trial:
     """Read a trial; LogError for a file that is none."""
-    log = mn.read_log(file, "matlab", rate_array="sampling_rate")
+    log = read_log(file, "matlab", rate_array="sampling_rate")
     gyro, force, truth, moving = (log[name].values for name in ("imu_gyr", "imu_acc", "opt_quat", "movement"))
     return Trial(file.stem, float(log.facts["sampling_rate"]), gyro, force, truth, moving.ravel() > 0.5)
 
 
 def ours(trial: Trial) -> Attitudes:
     """Run ``inertial_attitude`` with its defaults."""
-    mission, log = mn.InertialMission(period=1.0 / trial.rate), trial.log
+    mission, log = InertialMission(period=1.0 / trial.rate), trial.log
     begun = time.process_time()
-    found = mn.estimate(OURS, mission, log)
+    found = estimate(OURS, mission, log)
     return Attitudes(OURS, found.x, time.process_time() - begun, found.covariance, found.ok)
 
 

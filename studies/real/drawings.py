@@ -7,7 +7,8 @@ of data of others: it is drawn where these are.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,22 +33,28 @@ COLOURS = {
     "moving_horizon": "#6d6d6d",
 }
 WIDTH = 12.0  # [inch]
-_CHARTS = 3.6  # [inch] height of the charts
+_HIGH, _ABREAST = 3.6, 3  # [inch] height of a chart, and charts in a row at most
 
 
 def figure(drawn: DrawnWindow | None, rows: Sequence[Row]) -> Figure:
-    """Draw the picture, if there is one, above the charts."""
+    """Draw the picture, if there is one, above a chart of each kind of logs that has rows."""
     down, across, high = _shape(drawn) if drawn is not None else (0, 0, 0.0)
-    with styled_figure((WIDTH, down * high + _CHARTS)) as page:
+    measured = [chart for chart in _CHARTS if any(chosen(rows, part=part) for part in chart.parts)]
+    lines = max(1, math.ceil(len(measured) / _ABREAST))
+    with styled_figure((WIDTH, down * high + lines * _HIGH)) as page:
         charts: Any = page
         if drawn is not None:
-            halves: Any = page.subfigures(2, 1, height_ratios=(down * high, _CHARTS))
+            halves: Any = page.subfigures(2, 1, height_ratios=(down * high, lines * _HIGH))
             above, charts = halves
             _building(above.subplots(down, across).ravel(), drawn)
-        found, beacons, arm = charts.subplots(1, 3)
-        _found(found, rows)
-        _beacons(beacons, rows)
-        _arm(arm, rows)
+        panels = charts.subplots(lines, math.ceil(max(1, len(measured)) / lines), squeeze=False).ravel()
+        for axes, letter, chart in zip(panels, "abcd", measured, strict=False):
+            chart.draw(axes, rows)
+            axes.set_title(f"({letter}) {chart.title}")
+        for axes in panels[len(measured) :]:
+            axes.set_axis_off()
+        if not measured:
+            panels[0].text(0.5, 0.5, "not measured", transform=panels[0].transAxes, ha="center", va="center")
     return page
 
 
@@ -110,11 +117,7 @@ def _found(axes: Axes, rows: Sequence[Row]) -> None:
             axes.plot(range(len(beams)), shares, style, color=COLOURS.get(name), label=label, ms=5, lw=1.4)
             axes.set_xticks(range(len(beams)), [str(n) for n in beams])
     axes.set(xlabel="beams", ylabel="right in the last quarter [% of windows]", ylim=(-3.0, 103.0))
-    axes.set_title("(a) floors (solid) and rooms (dashed)")
-    if axes.lines:
-        axes.legend(fontsize=7)
-    else:
-        _none(axes)
+    axes.legend(fontsize=7)
 
 
 def _beacons(axes: Axes, rows: Sequence[Row]) -> None:
@@ -131,9 +134,6 @@ def _beacons(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set_yticks(range(len(own)), labels, fontsize=7)
     axes.invert_yaxis()
     axes.set(xlabel="error of position, RMS [m]")
-    axes.set_title("(b) beacons, all of them")
-    if not own:
-        _none(axes)
 
 
 def _whole(rows: Sequence[Row]) -> list[Row]:
@@ -157,15 +157,43 @@ def _arm(axes: Axes, rows: Sequence[Row]) -> None:
         axes.plot(errors, range(len(errors)), marker, label=log, ms=6)
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
-    axes.set(xlabel="error of velocity, RMS [rad/s]")
-    axes.set_title("(c) arm")
-    if own:
-        axes.set_xscale("log")
-        axes.legend(fontsize=7)
-    else:
-        _none(axes)
+    axes.set(xlabel="error of velocity, RMS [rad/s]", xscale="log")
+    axes.legend(fontsize=7)
 
 
-def _none(axes: Axes) -> None:
-    axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center", va="center")
-    axes.set(xticks=[], yticks=[])
+def _attitude(axes: Axes, rows: Sequence[Row]) -> None:
+    """Error of the inclination in each trial, by filter."""
+    own = chosen(rows, part="attitude")
+    trials = list(dict.fromkeys(row["log"] for row in own))
+    names = dict.fromkeys(row["estimator"] for row in own)
+    for name, marker, colour in zip(names, "osd^", ("#0d5fa8", "#e08214", "#9aa1a9", "#c2183b"), strict=False):
+        errors = {row["log"]: row["inclination_rms_deg"] for row in chosen(own, estimator=name)}
+        axes.plot(
+            [errors.get(trial, math.nan) for trial in trials],
+            range(len(trials)),
+            marker,
+            color=colour,
+            label=name,
+            ms=4,
+        )
+    axes.set_yticks(range(len(trials)), [trial.partition("_")[0] for trial in trials], fontsize=6)
+    axes.invert_yaxis()
+    axes.set(xlabel="error of the inclination, RMS [°]", ylabel="trial", xlim=(0.0, None))
+    axes.legend(fontsize=7, loc="lower right")
+
+
+@dataclass(frozen=True)
+class _Chart:
+    """Chart of the rows of some parts."""
+
+    title: str
+    parts: tuple[str, ...]
+    draw: Callable[[Axes, Sequence[Row]], None]
+
+
+_CHARTS = (
+    _Chart("floors (solid) and rooms (dashed)", ("floor", "room"), _found),
+    _Chart("beacons, all of them", ("beacons", "unicycles"), _beacons),
+    _Chart("arm", ("arm",), _arm),
+    _Chart("attitude", ("attitude",), _attitude),
+)

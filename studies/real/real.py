@@ -237,7 +237,8 @@ def _summary(reasons: Mapping[str, str]) -> tuple[str, ...]:
 
 def _caption(drawn: DrawnWindow | None) -> str:
     charts = (
-        "Windows in which the pose is right in the end, by the number of beams; errors among beacons; errors of an arm."
+        "Windows in which the pose is right in the end, by the number of beams; errors among beacons; of an arm; of "
+        "attitudes. A kind of logs that was not measured has no chart."
     )
     if drawn is None:
         return charts

@@ -9,7 +9,7 @@ most state no licence.
 | ``carmen`` | scans of buildings with poses by SLAM, of Radish | github.com/acschaefer/ple |
 | ``plaza`` | a lawn mower among four radio beacons (Djugash et al.) | github.com/borglab/gtsam |
 | ``mrclam6`` | unicycles among landmarks (Leung et al., 2011) | MR.CLAM, data set 6; not fetched |
-| ``broad`` | a gyro and an accelerometer under motion-capture cameras (Laidig et al., 2021) | github.com/dlaidig/broad |
+| ``broad`` | gyro and accelerometer with motion capture (Laidig et al., 2021) | github.com/dlaidig/broad |
 | ``ur10e`` | an arm, its positions and torques | github.com/shamilmamedov/dynamic_calibration |
 """
 

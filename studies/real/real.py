@@ -149,7 +149,7 @@ PARTS: Mapping[PartName, LogPart] = {
 
 
 class Real:
-    """Estimators on logs that others have recorded: buildings, beacons, landmarks, an arm, an IMU."""
+    """Estimators on published logs: buildings, beacons, landmarks, an arm, an IMU."""
 
     Config = RealConfig
     quick = RealConfig(parts=("beacons",), windows=1, beams=(2,))

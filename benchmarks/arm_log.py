@@ -3,7 +3,7 @@
     python -m benchmarks.arm_log --tune LOG --test LOG --mechanism NAME|FILE.xml --position SIGNALS --inputs SIGNALS
 
 The filters, their tuning and the reference are those of ``mathnavi study real`` (``studies/real/arm_filters.py``), on
-logs of one's own. The reference is no truth: it is made of the positions of the log, and knows the future.
+your own logs. The reference is not the truth: it comes from the positions of the log, future ones included.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Attitude from a gyro and an accelerometer alone, with time stamps that are off: ``inertial_attitude`` beside others.
+"""Attitude from a gyro and an accelerometer with a time offset: ``inertial_attitude`` against other filters.
 
     python -m benchmarks.attitude --data FOLDER [--trials 06 16 21] [--delay 0.0026]
 
 Trials, filters and errors are those of ``mathnavi study real`` (``studies/real/attitude_logs.py``). FOLDER has trials
 of BROAD (github.com/dlaidig/broad, CC BY 4.0) as MATLAB files, ``06_undisturbed_fast_rotation_A.mat`` and so on; a
-trial that is not there is named and left out, and the exit code is 1. The second half of the rows are the same
-attitudes, turned ahead by *delay* at the rate that is read, because the gyro lags behind the cameras.
+missing trial is named and skipped, and the exit code is 1. The second half of the rows are the same attitudes,
+predicted ahead by *delay* at the measured rate, because the gyro lags behind the cameras.
 """
 
 from __future__ import annotations
@@ -26,25 +26,25 @@ from mathnavi.studies.real.attitude_logs import Attitudes, Trial, figures, ours,
 
 
 def ahead(found: Attitudes, trial: Trial, delay: float) -> Attitudes:
-    """Turn attitudes ahead by ``delay`` [s] at the rates that are read."""
+    """Predict attitudes ahead by ``delay`` [s] at the measured rates."""
     q = np.array([turned(q, delay * rate) for q, rate in zip(found.q, trial.gyro, strict=True)])
     return replace(found, words=f"{found.words}, {1e3 * delay:g} ms ahead", q=q)
 
 
 @configuration
 class AttitudeArguments:
-    """Attitude without a magnetometer, on trials of BROAD, beside VQF and Madgwick's filter where installed."""
+    """Attitude without a magnetometer, on trials of BROAD, against VQF and Madgwick's filter where installed."""
 
     data: Path
     """folder with the trials as .mat files"""
     trials: Annotated[tuple[str, ...], TOGETHER] = ("06", "16", "21")
     """numbers of the trials"""
     delay: NonNegative = 0.0026
-    """time by which attitudes are turned ahead in the second half of the rows; none with 0 [s]"""
+    """time by which the second half of the rows predicts attitudes ahead [s]; 0 for none"""
 
 
 def main(options: AttitudeArguments) -> int:
-    """Print the table; 1 if a trial is not there."""
+    """Print the table; return 1 if a trial is missing."""
     print(f"{'':40}{'inclination':>12}{'drift':>8}{'total':>8}{'NEES':>8}{'wrong':>8}{'CPU':>10}")
     print(f"{'':40}{'[deg]':>12}{'[deg]':>8}{'[deg]':>8}{'/2':>8}{'[%]':>8}{'[us]':>10}")
     whole = True

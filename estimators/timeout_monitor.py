@@ -64,7 +64,7 @@ class TimeoutMonitor:
             self._since = max(self._since, t + min(self._timeout, self._settling) - self._settling)
 
     def restart(self, t: float) -> None:
-        """Note that at t [s] the estimate was wrong, whatever it said: it has to converge again, as after a gap."""
+        """Note that at t [s] the estimate was wrong, regardless of its status; it has to converge again."""
         self.converged, self._since = False, t
 
     def status(self, t: float, covariance: Array | None = None) -> Status:

@@ -42,9 +42,9 @@ class InertialMission:
     stamps: NonNegative = 0.002
     """standard deviation of the time between the stamps and what they tell of, beyond the delay [s]"""
     rate_max: Positive = 35.0
-    """rate about an axis from which on the gyro is saturated; 2000 deg/s [rad/s]"""
+    """rate about an axis at which the gyro saturates [rad/s]; 2000 deg/s"""
     force_max: Positive = 157.0
-    """specific force along an axis from which on the accelerometer is saturated; 16 times gravity [m/s^2]"""
+    """specific force along an axis at which the accelerometer saturates [m/s^2]; 16 times gravity"""
     gravity: Positive = 9.81
     """acceleration of free fall [m/s^2]"""
     period: Positive = 0.01

@@ -83,7 +83,7 @@ STYLES = {"canyon": SANDSTONE}  # by the first word of a terrain's name; mountai
 def resampled(terrain: HeightField, size: int, order: int) -> Array:
     """(rows, cols) heights [m], row 0 south, the longer side ``size`` nodes; order 1 on the grid's edges, 3 smooth.
 
-    Those of order 3 lie between the heights of the nodes about them: a step in the ground makes no waves beside it.
+    Those of order 3 lie between the heights of the nodes about them: a step in the ground causes no ripples next to it.
     """
     rows, cols = terrain.z.shape
     longest = max(rows, cols) - 1

@@ -1,7 +1,7 @@
 """Equations of a statement against the freedom to meet them: more than that are refused before anything is solved.
 
 Equations are counted by the rank of their slopes near the guess, each over the scales of the variables: so the unit of
-a statement does not matter. Equations of constants that follow from others, as where phases share one and are told so
+a statement does not matter. Equations of constants that follow from others, as where phases share one and it is stated
 twice, are left out: a solver would count them.
 """
 

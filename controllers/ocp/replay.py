@@ -251,7 +251,7 @@ def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
 
 
 def _one_piece(solution: Solution) -> float:
-    """Scaled miss at the end of a flight from x(0) alone; infinite as soon as it is far from the solution."""
+    """Scaled miss at the end of a flight from x(0) alone; infinite once it is far from the solution."""
     x = solution.x / solution.problem.state_scale
     far = _FAR * max(1.0, float(np.abs(x).max()))
     at_once = flight(solution, np.ones(1), _TOLERANCE, by_intervals=False)

@@ -28,7 +28,7 @@ class BeaconBank:
     """Filters side by side, and the start of each."""
 
     def __init__(self, model: BeaconModel, gate: float) -> None:
-        """``gate`` is nu^2 / s of a reading from which on a filter refuses it."""
+        """``gate`` is the nu^2 / s at which a filter rejects a reading."""
         self._model, self._gate = model, gate
         self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
         self.x, self.P, self.weights = np.empty((0, STATES)), np.empty((0, STATES, STATES)), np.empty(0)

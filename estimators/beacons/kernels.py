@@ -80,7 +80,7 @@ def expected(x: Array, kind: int, i: int, places: Array) -> tuple[float, Array, 
     """Reading of beacon i of ``places`` (n, 2) at a state x (6,), its gradient H (6,), its second derivative D (2, 2)
     by the position, and the distance [m] on which its noise depends.
 
-    The gradient is nought where the robot is at the beacon.
+    The gradient is zero if the robot is at the beacon.
     """
     H, D = np.zeros(STATES), np.zeros((2, 2))
     dx, dy = places[i, 0] - x[0], places[i, 1] - x[1]
@@ -119,8 +119,8 @@ def condition(
     """Condition states x (N, 6) with covariances P (N, 6, 6) on a reading y of beacon i, in place.
 
     ``log_weights`` (N,) grow by the logarithms of the likelihoods. ``errors`` (5,) are the absolute and the relative
-    deviation of the reading, epsilon, L, and the nu^2 / s from which on a reading is refused even with epsilon = 0.
-    ``found`` (N, 3) gets nu, s and beta; beta is nought of a reading that is refused.
+    deviation of the reading, epsilon, L, and the nu^2 / s from which a reading is rejected even with epsilon = 0.
+    ``found`` (N, 3) gets nu, s and beta; beta is zero for a rejected reading.
     """
     absolute, relative, epsilon, L, gate = errors[0], errors[1], errors[2], errors[3], errors[4]
     for n in range(len(x)):

@@ -1,1 +1,1 @@
-"""Integrity of estimates: what an estimator says is tested against its readings, by a monitor beside it."""
+"""Integrity of estimates: a monitor beside an estimator tests its estimates against its readings."""

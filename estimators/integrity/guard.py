@@ -78,7 +78,7 @@ class Guarded:
         most_out: int = 2,
         cost: float = COST,
     ) -> None:
-        """Put the monitor beside an estimator.
+        """Attach the monitor to an estimator.
 
         Args:
             estimator: the estimator; its period [s] is that of the updates.

@@ -58,7 +58,7 @@ class QuietWindow:
 def taken(kept: Array, sums: Array, count: int, reading: Array, varies: Array, off: float) -> bool:
     """Replace the oldest of the readings ``kept`` (n, 6) by a new one (6,), of which ``count`` came before.
 
-    ``sums`` (2, 6) are those of the readings and of their squares, formed anew each time that the window is full.
+    ``sums`` (2, 6) are those of the readings and of their squares, recomputed each time the window is full.
     True if it is full, the variances are at most ``varies`` (6,) and the means of the gyro at most ``off`` [rad/s].
     """
     n = len(kept)

@@ -7,8 +7,8 @@ that were read, and the filter gets w once for each of its periods. It filters t
 ambient ones on a curved space, since those in a frame would jump with the frame; v is their tangent part. The position
 is the newest reading, extrapolated with v, at most over the time after which the estimate is lost.
 
-The filter lags. Passed through it once more, v lags as much again, and the difference is the error that is declared,
-beside the noise of the readings: their variance times sum g_k^2, g being the response of v to one reading.
+The filter lags. Passed through it once more, v lags as much again, and the difference is the declared error, in
+addition to the noise of the readings: their variance times sum g_k^2, g being the response of v to one reading.
 """
 
 from __future__ import annotations

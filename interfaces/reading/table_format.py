@@ -38,7 +38,7 @@ class TableFormat:
     encoding: str | None = None
     """encoding of the text, such as latin-1; that of its byte-order mark, else UTF-8, if not given"""
     comment: str | None = None
-    """character from which on the rest of a line is left out; none if not given"""
+    """character that starts a comment, to the end of the line; none if not given"""
     skiprows: Annotated[int, Ge(0)] = 0
     """number of lines above the names of the columns that are left out"""
     names: Annotated[tuple[str, ...] | None, TOGETHER] = None

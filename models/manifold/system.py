@@ -146,12 +146,12 @@ class Step(Protocol):
 
     @property
     def constraint_acceleration(self) -> Array:
-        """That of a ``SteppedSystem``."""
+        """Constraint acceleration, as ``SteppedSystem.constraint_acceleration``."""
         ...
 
     @property
     def touching(self) -> int:
-        """That of a ``SteppedSystem``."""
+        """Number of constraints of contacts and limits, as ``SteppedSystem.touching``."""
         ...
 
     def __call__(self, x: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:

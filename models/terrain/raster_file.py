@@ -71,8 +71,8 @@ def read_raster(
     """Read the heights of a file, or of the part within ``crop``; the file may lie in a ``.zip`` or be a ``.gz``.
 
     ``crop`` (west, south, east, north): [degrees], or [m] of a projection. ``scale`` [m per unit] of the heights,
-    needed where the file does not say which unit they have. ``nodata``: a value that stands for a void, beside that
-    which the file states. ``heights`` [m]: range of heights that are ground. Raises TerrainError for a file that is
+    needed where the file does not say which unit they have. ``nodata``: a value that marks a void, in addition to the
+    one that the file states. ``heights`` [m]: range of heights that are ground. Raises TerrainError for a file that is
     damaged, has no place on the ground, or has heights that no ground has.
     """
     import rasterio

@@ -1,6 +1,6 @@
 """Contents of an exported run: the scene of its page, and its log as channels, whatever the format of the file.
 
-A viewer of others draws meshes, polylines and points, and each stays as it is until it is replaced. So a surface is a
+Other viewers draw meshes, polylines and points, and keep each until it is replaced. So a surface is a
 mesh with normals; a line that grows, shrinks or changes is a sequence of moments at each of which it is drawn again.
 """
 

@@ -164,7 +164,7 @@ class MujocoScene(Staged):
         return framing(points, camera.framed.box, camera.field_of_view, self._aspect, sight)
 
     def _points_of(self, mark: Mark, place: Array) -> Array:
-        """(m, 3) [m] what a mark names: a dome over the ground, of which beside a vehicle only a part is in sight."""
+        """(m, 3) [m] what a mark names: a dome over the ground, only part of which is in sight next to a vehicle."""
         found = [each.vertices for each in self.scene.surfaces if each.motion == mark.motion and not each.span]
         if mark.motion is None or not mark.dot or not found:
             return place[None]

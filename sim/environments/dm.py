@@ -22,8 +22,8 @@ with
     textbook-observer      |x^ - x|^2, the squared error of the estimate (Definition 2.2)
 
 The discount is 0 when the mission terminates: the vehicle arrives, touches something or leaves every bound. When the
-time is up it is 1, which is a truncation. A failure, a crash for example, costs nothing besides the steps until then:
-a wrapper decides what it costs.
+time is up it is 1, which is a truncation. A failure, a crash for example, costs nothing but the steps until then: a
+wrapper decides what it costs.
 
 A copy, by ``pickle`` or ``copy.deepcopy``, is rebuilt from the fields and the seed. Its next episodes are those that
 come next here; it has no present one until ``reset``.

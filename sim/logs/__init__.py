@@ -1,1 +1,1 @@
-"""Logs of real vehicles as they were recorded: channels, each with its own clock, read from the formats of others."""
+"""Logs of real vehicles as recorded: channels, each with its own clock, read from common formats."""

@@ -1,4 +1,4 @@
-"""Logs of the CARMEN robot navigation toolkit: text, a message a line.
+"""Logs of the CARMEN robot navigation toolkit: text, one message per line.
 
 | message | channel | signals |
 |---|---|---|

@@ -16,7 +16,7 @@ KIND = "logs"  # of plug-ins
 def format_of(path: Path) -> Any:
     """Return the plug-in of the format of a file, the first by name that accepts it.
 
-    Raises LogError for a file that none of them accepts, FileNotFoundError if there is none.
+    Raises LogError for a file that none of them accepts, FileNotFoundError if it does not exist.
     """
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist")
@@ -37,11 +37,11 @@ def read(path: Path, spec: PluginSpec) -> RecordedLog:
 
 
 def read_log(path: str | Path, format: str | None = None, **fields: Any) -> RecordedLog:
-    """Read a log as it was recorded: its channels with their own stamps, nothing sorted, merged or left out unsaid.
+    """Read a log as it was recorded: its channels with their own stamps, nothing sorted, merged or silently left out.
 
     Args:
         path: the file, or the folder of a ROS 2 bag.
-        format: name of an installed format, "package.module:Class" of one of your own; None for the one that the file
+        format: name of an installed format, "package.module:Class" of your own; None for the one that the file
             has by its name or its first bytes. ``mathnavi list logs`` names them.
         **fields: fields of the format's configuration, as ``time_column=0``.
 

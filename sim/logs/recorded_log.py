@@ -1,6 +1,6 @@
-"""A log as it was recorded: channels of numbers, each with the stamps that its readings came with.
+"""A log as it was recorded: channels of numbers, each with the stamps of its readings.
 
-Nothing is sorted, merged or resampled here: ``RecordedLog.sensor_log`` does that, where it is asked to, and says so.
+Nothing is sorted, merged or resampled here: ``RecordedLog.sensor_log`` does that on request, and notes it.
 """
 
 from __future__ import annotations

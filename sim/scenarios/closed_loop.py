@@ -138,7 +138,7 @@ class ClosedLoop:
 
         ``again`` builds the same closed loop once more. With it, a run in whose first planning periods kernels were
         compiled is a rehearsal: it ends there, and the run is flown from a fresh closed loop. Time spent compiling
-        later is left out of the wall-clock time. A run whose simulation diverged has failed, whatever its figures are.
+        later is left out of the wall-clock time. A run whose simulation diverged has failed, regardless of its figures.
         Raises as ``simulate`` does.
         """
         check_declared(self.plant, self.agents, self.estimands)

@@ -1,6 +1,6 @@
 """Elevation models and the maps made of them: does the ground of the file stay below what plans are certified over?
 
-The file is asked by another way than that which made the map: PROJ brings points of the map to the file's pixels, and
+The file is read in another way than the one that made the map: PROJ brings points of the map to the file's pixels, and
 the height there is bilinear between four of them.
 """
 

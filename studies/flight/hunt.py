@@ -5,7 +5,7 @@ announced. Whether such a search would find a hole is measured on four controlle
 the mutants: by the number of missions until it is found, compared with random draws. The controller ``flight``, which
 has all checks, is searched in the same spaces.
 
-The spaces are in ``hunt_spaces``. In further searches the parts of the vehicles are those of strangers that misbehave
+The spaces are in ``hunt_spaces``. In further searches the vehicles have third-party parts that misbehave
 (``hostile_parts``, ``hostile_fleet``).
 """
 

@@ -2,7 +2,7 @@
 
 All missions are short, in canyons of 640 m and over level ground. The spaces contain noise and gusts as declared to the
 controller, faults, bounds, ends, heights, seeds and changes on the way; for the mutants also the planner's horizon,
-period and nodes; and for the parts of strangers what they do instead of answering.
+period and nodes; and for third-party parts what they do instead of answering.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Estimators on logs that others have recorded and published."""
+"""Estimators on published logs."""

@@ -1,13 +1,13 @@
-"""Velocities of the joints of a real arm: observers of this project beside filters that are tuned on another log.
+"""Velocities of the joints of a real arm: our observers against filters tuned on another log.
 
 The arm is identified on one log (``mathnavi identify``), and every rival has the parameter of its grid that is best
 there: Butterworth's low-pass of second order of differences, a Kalman filter of constant acceleration, and the momentum
 observer with the identified arm. The default observer tunes itself while it runs. All of them get positions, and those
 with a model the inputs, of the log on which they are compared.
 
-**The reference** is no truth: the slopes of polynomials of fifth degree about each reading, of zero phase, over 0.1 s
-on either side. It knows the future, and shares the noise of the readings with the filters, about 1e-3 rad/s for
-positions that are rounded to 1e-4 rad at 100 Hz. Velocities that a log has may be estimates of the arm's controller.
+**The reference** is not the truth: slopes of zero-phase polynomials of fifth degree around each reading, over 0.1 s on
+either side. It uses future readings, and shares the noise of the readings with the filters, about 1e-3 rad/s for
+positions that are rounded to 1e-4 rad at 100 Hz. Velocities in a log may be estimates by the arm's controller.
 """
 
 from __future__ import annotations
@@ -112,9 +112,9 @@ class Observed:
     deviation: Array  # (n, nv) [rad/s] that it declares
 
     def judged(self, log: ArmLog) -> dict[str, float]:
-        """NEES by the number of joints, and shares of the estimates that may be used and that are sure and wrong.
+        """NEES by the number of joints, and shares of the estimates that are usable and that are confident but wrong.
 
-        A velocity is wrong that is off by more than three of its own declared deviations.
+        A velocity is wrong if its error exceeds three of its declared standard deviations.
         """
         rows = np.isfinite(log.reference[:, 0]) & (log.t >= log.t[0] + SETTLED)
         error, deviation = (self.v - log.reference)[rows], self.deviation[rows]
@@ -154,9 +154,7 @@ def best(log: ArmLog, grid: tuple[float, ...], velocity: Callable[[ArmLog, float
 
 @dataclass(frozen=True)
 class Filtered:
-    """What became of a filter: its parameter in words, its error [rad/s], the CPU time of an update [us], and what an
-    observer said of itself.
-    """
+    """Velocities from an observer, with its status and its declared standard deviations."""
 
     parameter: str
     error: float

@@ -56,7 +56,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Attitudes:
-    """What a filter made of a trial."""
+    """Attitudes of a trial by one filter, with the CPU time."""
 
     words: str
     q: Array  # (n, 4)
@@ -66,7 +66,7 @@ class Attitudes:
 
 
 def read_trial(file: Path) -> Trial:
-    """Read a trial; LogError for a file that is none."""
+    """Read a trial; raises LogError for a file that is not a trial."""
     log = read_log(file, "matlab", rate_array="sampling_rate")
     gyro, force, truth, moving = (log[name].values for name in ("imu_gyr", "imu_acc", "opt_quat", "movement"))
     return Trial(file.stem, float(log.facts["sampling_rate"]), gyro, force, truth, moving.ravel() > 0.5)

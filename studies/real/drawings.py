@@ -1,7 +1,7 @@
 """Figure of the study: a robot that finds itself in a building, and what the estimators reach on the logs.
 
 The picture shows the walls, the beams, and the poses that can be, which become fewer. It shows the map, which is made
-of data of others: it is drawn where these are.
+of third-party data: it is drawn where these are available.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ UNSURE = (0.3, 0.3, 0.15)  # [m, m, rad] deviation of a start that is known
 
 @dataclass(frozen=True)
 class Place:
-    """What the map of a window spans."""
+    """Limits on the path, the map and the ranges of a window."""
 
     widest: float  # [m] the path of the window spans at most, either way
     around: float  # [m] from the middle of the path to the scans of the map
@@ -75,7 +75,7 @@ class FloorWindow:
 
     @property
     def case(self) -> str:
-        """Where in the log it begins, in a row."""
+        """Start of the window in the log, for a row of the table."""
         return f"{self.since:.0f} s"
 
     @property
@@ -150,7 +150,7 @@ def _bank(walls: Polygon) -> dict[str, Any]:
 
 
 def _particles(walls: Polygon) -> dict[str, Any]:
-    """As many poses as the bank has to begin with."""
+    """Fields of the particle filter, with as many particles as the bank has candidates."""
     return {"max_particles": max(5000, CANDIDATES * math.ceil(walls.area)), "timeout": TIMEOUT}
 
 
@@ -235,7 +235,7 @@ def _row(floor: Floor, window: FloorWindow, beams: int, name: str, measured: Win
 
 @dataclass(frozen=True)
 class DrawnWindow:
-    """What a picture of a window shows, a row for each scan."""
+    """Content of the picture of a window, one row for each scan."""
 
     name: str
     beams: int

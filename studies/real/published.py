@@ -1,15 +1,15 @@
-"""Where the logs of the study were published, and how they come onto this machine.
+"""Sources of the published logs of the study, and their download.
 
-Logs are taken from a folder with a subfolder for each part, or fetched from where they were published. What is fetched
-is checked by its SHA-256 digest (``pooch``) and kept in the cache of this package. None of it is part of this
-repository: for most of it no licence is stated.
+Logs are read from a folder with a subfolder for each part, or downloaded from their publishers. Downloads are checked
+by their SHA-256 digests (``pooch``) and kept in the cache of this package. None of them is part of this repository:
+most state no licence.
 
 | folder | what | published by |
 |---|---|---|
 | ``carmen`` | scans of buildings with poses by SLAM, of Radish | github.com/acschaefer/ple |
 | ``plaza`` | a lawn mower among four radio beacons (Djugash et al.) | github.com/borglab/gtsam |
 | ``mrclam6`` | unicycles among landmarks (Leung et al., 2011) | MR.CLAM, data set 6; not fetched |
-| ``broad`` | a gyro and an accelerometer beneath cameras (Laidig et al., 2021) | github.com/dlaidig/broad |
+| ``broad`` | gyro and accelerometer with motion capture (Laidig et al., 2021) | github.com/dlaidig/broad |
 | ``ur10e`` | an arm, its positions and torques | github.com/shamilmamedov/dynamic_calibration |
 """
 

@@ -1,4 +1,4 @@
-"""Real logs: every estimator that applies, on logs that others have recorded and published.
+"""Real logs: every applicable estimator on published logs.
 
 A part is an entry of ``PARTS``: where its logs are from (``published``), and its computations, each of which returns
 rows of the same columns (``judging``). Its targets are in ``targets``. Without ``data`` the logs are fetched; a part
@@ -66,7 +66,7 @@ class RealConfig:
     windows: Count = 10
     """largest number of windows of each log of a building"""
     beams: Annotated[tuple[int, ...], Each(Interval(ge=1, le=180), allowed="1 to 180"), TOGETHER] = (1, 2, 4, 8)
-    """numbers of beams or beacons, each of which is tried; all beacons are too"""
+    """numbers of beams or beacons to try; all beacons are tried too"""
     seconds: Positive = 60.0
     """length of a window [s]"""
     apart: Positive = 60.0
@@ -149,7 +149,7 @@ PARTS: Mapping[PartName, LogPart] = {
 
 
 class Real:
-    """Estimators on logs that others have recorded: buildings, beacons, landmarks, an arm, an IMU."""
+    """Estimators on published logs: buildings, beacons, landmarks, an arm, an IMU."""
 
     Config = RealConfig
     quick = RealConfig(parts=("beacons",), windows=1, beams=(2,))

@@ -1,4 +1,4 @@
-"""Targets of the study: what is asked of estimators on the logs of others, and what was measured."""
+"""Targets of the study: required accuracy of estimators on published logs, and the measured one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Verdict = tuple[str, bool | None]  # what was measured, and whether it holds
 
 @dataclass(frozen=True)
 class RealTarget:
-    """Claim of the study: ``judge`` says what was measured, of rows of which there is one or more."""
+    """Claim of the study: ``judge`` returns the measurement and verdict of one or more rows."""
 
     id: str
     part: str
@@ -35,7 +35,7 @@ class RealTarget:
     judge: Callable[[Sequence[Row]], Verdict]
 
     def claim(self, rows: Sequence[Row], reason: str) -> Claim:
-        """The claim by the rows of all parts; not measured, for a ``reason``, without any of its own."""
+        """The claim from the rows of its part; not measured, for a ``reason``, if there are none."""
         own = chosen(rows, part=self.part)
         measured, holds = self.judge(own) if own else (f"not measured: {reason}", None)
         return Claim(self.id, "target", self.statement, self.source, self.expected, measured, holds)
@@ -75,7 +75,7 @@ def judge_floor(rows: Sequence[Row]) -> Verdict:
 
 
 def judge_beacons(rows: Sequence[Row]) -> Verdict:
-    """Filter and smoother with all beacons and a known start beside GTSAM's smoother, on each log."""
+    """Filter and smoother with all beacons and a known start against GTSAM's smoother, on each log."""
     measured, verdicts = [], []
     for log in dict.fromkeys(row["log"] for row in rows):
         of_log = chosen(rows, log=log)
@@ -102,7 +102,7 @@ def _error(rows: Sequence[Row], column: str) -> float:
 
 
 def judge_arm(rows: Sequence[Row]) -> Verdict:
-    """The default observer beside the best of the tuned rivals, on each log."""
+    """The default observer against the best of the tuned rivals, on each log."""
     measured, holds = [], True
     for log in dict.fromkeys(row["log"] for row in rows):
         errors = {row["estimator"]: row["velocity_rms_rad_s"] for row in chosen(rows, log=log)}
@@ -114,7 +114,7 @@ def judge_arm(rows: Sequence[Row]) -> Verdict:
 
 
 def judge_attitude(rows: Sequence[Row]) -> Verdict:
-    """The mean error over trials of ``inertial_attitude`` beside that of the best of the others, and where it wins."""
+    """The mean error of ``inertial_attitude`` over trials against that of the best rival, and its number of wins."""
     trials = [chosen(rows, log=log) for log in dict.fromkeys(row["log"] for row in rows)]
     by_name = [{row["estimator"]: row["inclination_rms_deg"] for row in trial} for trial in trials]
     means = {name: float(np.mean([each[name] for each in by_name])) for name in by_name[0]}

@@ -147,7 +147,7 @@ def _has_such(kind: str, scenario: Any) -> bool:
 
 
 def _with_part(kind: str, scenario: str, place: str) -> RunSpec:
-    """Return the run of a scenario with its default fields and a plug-in in the place of its own."""
+    """Return the run of a scenario with its default fields and a plug-in in place of its own."""
     if kind == "consensus":
         return RunSpec.of(scenario, fields={"consensus": place})
     controller, estimator = (place if kind == each else None for each in ("controllers", "estimators"))

@@ -16,7 +16,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import Positional
 from mathnavi.interfaces.writing import naming, whole_files
 
-PURPOSE = "Write a run for the viewers of others: its scene, plans, estimates, readings, signals and events."
+PURPOSE = "Write a run for other viewers: its scene, plans, estimates, readings, signals and events."
 
 
 @configuration

@@ -5,7 +5,7 @@ from __future__ import annotations
 COMMANDS = {
     "list": (
         "mathnavi.commands.listing",
-        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains, drawings, logs",
+        "installed controllers, estimators, consensus, scenarios, studies, terrains, drawings, logs",
     ),
     "run": ("mathnavi.commands.run", "fly a scenario and write its log, summary, video and report"),
     "sweep": (
@@ -16,9 +16,9 @@ COMMANDS = {
         "mathnavi.commands.search",
         "search a scenario for its worst missions, or estimate how probable a rare event is",
     ),
-    "store": ("mathnavi.commands.store", "show or export what a sweep has stored"),
-    "study": ("mathnavi.commands.study", "tables and figures of the thesis, and what holds of its claims"),
-    "estimate": ("mathnavi.commands.estimate", "run an estimator over a finished run, or over a log of your own"),
+    "store": ("mathnavi.commands.store", "show or export the results of a sweep"),
+    "study": ("mathnavi.commands.study", "tables and figures of the thesis, with a verdict on each claim"),
+    "estimate": ("mathnavi.commands.estimate", "run an estimator over a finished run, or over your own log"),
     "render": ("mathnavi.commands.render", "a video, a still or a clip of a run"),
     "report": ("mathnavi.commands.report", "a page of a run: verdict, figures, charts, pictures, events"),
     "view": ("mathnavi.commands.view", "a run in MuJoCo's own viewer, or in a browser"),
@@ -26,14 +26,14 @@ COMMANDS = {
     "compare": ("mathnavi.commands.compare", "two runs, sweeps or studies side by side"),
     "new": (
         "mathnavi.commands.new",
-        "a folder with a vehicle, planner, observer, scenario or terrain of yours, which runs at once",
+        "a folder with your own vehicle, planner, observer, scenario or terrain, which runs at once",
     ),
-    "check": ("mathnavi.commands.check", "what fits of a model or a plug-in, and what is missing, before a run"),
-    "log": ("mathnavi.commands.log", "what is in a log of others: channels, rates, gaps, ranges"),
-    "map": ("mathnavi.commands.map", "walls of a building from laser scans or a map of ROS"),
+    "check": ("mathnavi.commands.check", "a check of a model or a plug-in before a run: what fits and what is missing"),
+    "log": ("mathnavi.commands.log", "contents of a recorded log: channels, rates, gaps, ranges"),
+    "map": ("mathnavi.commands.map", "walls of a building from laser scans or a ROS map"),
     "identify": ("mathnavi.commands.identify", "joints of an arm from its log: gains, rotor inertia, friction"),
     "terrain": ("mathnavi.commands.terrain", "import an elevation model, show a map"),
-    "completion": ("mathnavi.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
+    "completion": ("mathnavi.commands.completion", "a completion script for bash, zsh or fish"),
 }
 FLOWN = ("run", "search", "sweep")  # commands with the flags of a scenario
 OPTIONS = {  # dataclass of a command's own flags

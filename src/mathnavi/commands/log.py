@@ -1,4 +1,4 @@
-"""``mathnavi log show``: what is in a log of others, with its rates, gaps and ranges, before an estimator takes it;
+"""``mathnavi log show``: contents of a recorded log, with rates, gaps and ranges, before an estimator uses it;
 ``mathnavi log import``: the folder of a run from it (``log_import``)."""
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, load, names
 USAGE = """usage: mathnavi log show FILE [--format NAME] [OPTIONS]
        mathnavi log import FILE --out DIR [--format NAME] [--readings SENSOR=SIGNALS...] [OPTIONS]
 
-FILE: a log, or the folder of a bag of ROS 2; NAME: {}
+FILE: a log, or the folder of a ROS 2 bag; NAME: {}
 
 mathnavi log show FILE --help lists the options of the format of FILE."""
 FORMAT = "--format"
@@ -67,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
     words = argv[1:]
     plugin = _format(words)
     groups = FlagGroup(LogShowOptions), FlagGroup(plugin.Config, default=plugin.Config())
-    purpose = "Print what is in a log: channels, stamps, gaps, ranges."
+    purpose = "Print the contents of a log: channels, stamps, gaps, ranges."
     options, config = parse(words, "mathnavi log show", purpose, *groups)
     try:
         log = read(options.file, PluginSpec(plugin, config))

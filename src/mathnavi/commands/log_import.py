@@ -1,4 +1,4 @@
-"""``mathnavi log import``: the folder of a run from a log of others, with all that it says of stamps and gaps."""
+"""``mathnavi log import``: the folder of a run from a recorded log, with its faults of stamps and gaps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``mathnavi map``: make walls of a building from laser scans or from a map of ROS, show what a map has."""
+"""``mathnavi map``: make walls of a building from laser scans or from a ROS map, and show the contents of a map."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ class MapImportOptions:
     resolution: float | None = None
     """side of a cell [m] of a grid of scans; 0.05 if not given"""
     range_maximum: float | None = None
-    """range from which on a scan has no echo [m]; that which the log states, or 80, if not given"""
+    """least range that counts as no echo [m]; the one that the log states, or 80, if not given"""
     occupied: float | None = None
-    """share of the rays into a cell that end there, from which on it is occupied; 0.25 if not given"""
+    """least share of the rays into a cell that end there, for it to be occupied; 0.25 if not given"""
     least_rays: int | None = None
     """number of rays below which a cell is unknown; 2 if not given"""
     since: float | None = None
-    """time in the log from which on scans are used [s]"""
+    """time in the log from which scans are used [s]"""
     until: float | None = None
     """time in the log before which scans are used [s]"""
 
@@ -156,7 +156,7 @@ def _grid(options: MapImportOptions) -> tuple[OccupancyGrid, dict[str, object]]:
 
 
 def _scans(log: RecordedLog, wanted: str | None) -> tuple[str, float]:
-    """Name of the channel of scans with poses, and the range [m] from which on these have no echo."""
+    """Name of the channel of scans with poses, and the least range [m] that counts as no echo."""
     found = [
         name for name, channel in log.channels.items() if "step [deg]" in channel.facts and name + _POSE in log.channels
     ]

@@ -28,7 +28,7 @@ class RenderOptions:
     a still, .webp of a clip; video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp in DIR if not given"""
     camera: str | None = None
     """camera; of flights chase, overview, top; of fleets overview, top, arrival; of missiles chase, side, target; of
-    the robots of range-localisation top, chase; of bodies and arms panel, scene; of vehicles of your own fixed, track,
+    the robots of range-localisation top, chase; of bodies and arms panel, scene; of your own vehicles fixed, track,
     top, board, and the cameras of their model"""
     still: bool = False
     """whether to draw a still picture instead of a video"""

@@ -175,7 +175,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _write_report(folder: Path) -> None:
-    """Write the report of a run beside its files, to which the page of the search links."""
+    """Write the report of a run into its folder; the page of the search links to it."""
     from mathnavi.renders.report import write_report  # slow to import
 
     try:

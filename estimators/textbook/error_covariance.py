@@ -25,6 +25,7 @@ from mathnavi.models.textbook.system import System
 _LEAST_NOISE = 1e-4  # [unit of the output] by which readings that are declared exact, and the sampling, are off
 _SMALLEST, _LARGEST = 1e-18, 1e18  # variances
 _STEP = 1e-6  # relative, of differences
+_SHORT, _TERMS = 0.3, 9  # norm of a matrix whose exponential is a series of so many terms, to 1e-10
 
 Rate = Callable[[casadi.SX, casadi.SX, casadi.SX], casadi.SX]
 
@@ -32,8 +33,8 @@ Rate = Callable[[casadi.SX, casadi.SX, casadi.SX], casadi.SX]
 class ErrorCovariance:
     """Covariance P_z of the error of z, and that of x^."""
 
-    def __init__(self, rate: Rate, size: int, Psi: Callable[[Array], Array], mission: TextbookMission) -> None:
-        """``rate`` is F^ (z (size,), u (p,), y (m,)), ``Psi`` takes x (n,) to z."""
+    def __init__(self, rate: Rate, size: int, Psi: Callable[[Array], Array] | None, mission: TextbookMission) -> None:
+        """``rate`` is F^ (z (size,), u (p,), y (m,)), ``Psi`` takes x (n,) to z; None of an identity observer."""
         self._Psi, self._system = Psi, mission.system
         self._slopes = _slopes(rate, size, mission.system)
         self.variance = max(mission.noise, _LEAST_NOISE) ** 2
@@ -45,7 +46,9 @@ class ErrorCovariance:
         """Let the observer follow readings near y (m,) from z (size,) over h [s], with u (p,) held."""
         A, B = (np.array(each) for each in self._slopes(z, u, y))
         n, m = B.shape
-        moved = expm(h * np.block([[A, B], [np.zeros((m, n + m))]]))
+        M = np.zeros((n + m, n + m))
+        M[:n, :n], M[:n, n:] = h * A, h * B
+        moved = _exponential(M)
         Phi, Gamma = moved[:n, :n], moved[:n, n:]
         self._P = _bounded(Phi @ self._P @ Phi.T + self.variance * Gamma @ Gamma.T, self._P)
 
@@ -74,9 +77,24 @@ class ErrorCovariance:
 
     def _slope(self, x: Array) -> Array:
         """Derivative J (size, n) of Psi at x (n,), by central differences."""
+        if self._Psi is None:
+            return np.eye(len(x))
         steps = _STEP * (1.0 + np.abs(x))
         columns = [(self._Psi(x + d) - self._Psi(x - d)) / (2.0 * d[k]) for k, d in enumerate(np.diag(steps))]
         return np.column_stack(columns)
+
+
+def _exponential(M: Array) -> Array:
+    """exp(M), by its series where that needs few terms."""
+    if float(np.abs(M).max()) * len(M) > _SHORT:
+        found: Array = expm(M)
+        return found
+    term = np.eye(len(M))
+    total = term.copy()
+    for k in range(1, _TERMS):
+        term = term @ M / k
+        total += term
+    return total
 
 
 def _bounded(P: Array, otherwise: Array) -> Array:

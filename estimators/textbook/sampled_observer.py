@@ -83,7 +83,7 @@ class SampledObserver:
             ReadingCounts(),
         )
         self._flow = _flow(law, mission)
-        self._errors = ErrorCovariance(law.F, law.size, law.Psi, mission)
+        self._errors = ErrorCovariance(law.F, law.size, None if law.Psi is identity else law.Psi, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
         self._t: float | None = None  # [s] of z; None before the first call

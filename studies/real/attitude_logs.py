@@ -14,11 +14,12 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mathnavi.interfaces.input_files import InputFile
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.inertial_mission import InertialMission
@@ -34,6 +35,13 @@ from mathnavi.studies.real.published import peer
 OURS = "inertial_attitude"
 MADGWICK_GAIN = 0.033  # of the package for an inertial measurement unit
 _BEFORE = 1.0  # [s] before the movement over which headings are compared
+
+
+@dataclass(frozen=True)
+class AttitudeLog:
+    """File of a trial."""
+
+    file: Annotated[str, InputFile()]
 
 
 @dataclass(frozen=True)
@@ -121,9 +129,9 @@ def figures(found: Attitudes, trial: Trial) -> dict[str, float]:
     return {**answers, "nees": float(nees.mean()) / 2.0, "wrong": float(wrong.mean())}
 
 
-def attitude_rows(file: str) -> list[Row]:
+def attitude_rows(log: AttitudeLog) -> list[Row]:
     """A job: rows of all filters on a trial."""
-    trial = read_trial(Path(file))
+    trial = read_trial(Path(log.file))
     found = []
     for each in (ours(trial), *rivals(trial)):
         made = figures(each, trial)

@@ -20,12 +20,12 @@ from annotated_types import Interval
 from mathnavi.interfaces.bounds import Count, Each, Positive, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import TOGETHER
-from mathnavi.models.mechanism.entity import file_of
+from mathnavi.models.mechanism.entity import MechanismPlace, file_of
 from mathnavi.renders.study_report import Table
 from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
 from mathnavi.studies.real import gtsam_smoother, targets
 from mathnavi.studies.real.arm_filters import ArmComparison, arm_rows
-from mathnavi.studies.real.attitude_logs import attitude_rows
+from mathnavi.studies.real.attitude_logs import AttitudeLog, attitude_rows
 from mathnavi.studies.real.beacon_logs import BeaconCase, beacon_rows
 from mathnavi.studies.real.drawings import figure
 from mathnavi.studies.real.floor_windows import (
@@ -71,7 +71,7 @@ class RealConfig:
     """length of a window [s]"""
     apart: Positive = 60.0
     """least time between a window and the scans of its map [s]"""
-    arm: str = "menagerie:universal_robots_ur10e"
+    arm: MechanismPlace = "menagerie:universal_robots_ur10e"
     """arm of the logs in ur10e, a name or an MJCF file"""
 
 
@@ -136,7 +136,7 @@ def _arm(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
 
 def _attitude(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
     for file in files:
-        yield attitude_rows, file, {}
+        yield attitude_rows, AttitudeLog(file), {}
 
 
 PARTS: Mapping[PartName, LogPart] = {

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from benchmarks.attitude import AttitudeArguments, ahead, main
-from mathnavi.studies.real.attitude_logs import attitude_rows, figures, ours, read_trial
+from mathnavi.studies.real.attitude_logs import AttitudeLog, attitude_rows, figures, ours, read_trial
 from tests.estimators.invariant.handheld import handled
 
 
@@ -32,7 +32,7 @@ def test_a_file_in_the_format_of_broad_is_read_and_judged(tmp_path: Path) -> Non
     savemat(tmp_path / "06_simulated.mat", arrays)
     trial = read_trial(tmp_path / "06_simulated.mat")
     made = ours(trial)
-    found, (row, *_) = figures(made, trial), attitude_rows(str(tmp_path / "06_simulated.mat"))
+    found, (row, *_) = figures(made, trial), attitude_rows(AttitudeLog(str(tmp_path / "06_simulated.mat")))
     assert (row["log"], row["estimator"]) == ("06_simulated", "inertial_attitude")
     assert row["inclination_rms_deg"] == found["inclination"] < 1.0
     assert found["inclination"] <= found["total"] + 1e-9

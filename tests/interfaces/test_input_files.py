@@ -24,6 +24,7 @@ TEXTS = {  # fields that hold texts and name neither a file nor a plug-in
     ("scenarios", "simultaneous-arrival", "name"),
     ("scenarios", "simultaneous-arrival", "edge"),
     ("scenarios", "simultaneous-arrival", "consensus_with"),
+    ("studies", "real", "data"),  # a folder; the files that it has are declared by the computations over them
 }
 
 

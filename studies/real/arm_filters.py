@@ -86,7 +86,7 @@ def low_pass(log: ArmLog, cutoff: float) -> Array:
 
 
 def constant_acceleration(log: ArmLog, jerk: float, noise: float) -> Array:
-    """Velocity by a Kalman filter of (q, v, a) of each joint, a' being white with the density ``jerk``^2."""
+    """Velocity by a Kalman filter of (q, v, a) of each joint, a' being white with the square of ``jerk`` as density."""
     x = np.zeros((3, log.q.shape[1]))
     x[0] = log.q[0]
     P, v = np.diag([noise**2, 1.0, 10.0]), np.zeros_like(log.q)

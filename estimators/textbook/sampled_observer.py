@@ -110,7 +110,9 @@ class SampledObserver:
             self._advance(self._t, t - self._t, command)
         self._t = t
         P = self._errors.of_state(self._x)
-        self._agrees = self._followed and self._fits(P, command)
+        newest = self._readings[-1][0] if self._readings else -math.inf
+        if newest > t - TIME_TOLERANCE or not self._timeout_monitor.converged:  # an older one is of an older state
+            self._agrees = self._followed and self._fits(P, command)
         status, extra = self._status(t, P), {"z": self._z.copy(), **self._counts.extra}
         message = waiting(status, "a reading of output")
         if status is Status.DEGRADED and not self._agrees:

@@ -28,7 +28,7 @@ from mathnavi.models.textbook.library import (
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.power_series import solved
 from mathnavi.models.textbook.system import System
-from tests.textbook import mission, replayed, steps
+from tests.textbook import Step, mission, replayed, steps
 
 OSCILLATION = list(steps(KRENER_ISIDORI, 4.0))
 SWING = list(steps(KAZANTZIS_KRAVARIS, 4.0))
@@ -204,3 +204,19 @@ def test_an_observer_whose_readings_are_of_another_system_is_degraded() -> None:
     statuses = [estimate.status for estimate in replayed(observer, far)]
     assert set(statuses[:200]) == {Status.OK}
     assert Status.DEGRADED in statuses[202:]
+
+
+@pytest.mark.parametrize(
+    ("plugin", "config", "given"),
+    [
+        (OutputInjection, OutputInjectionConfig(), OSCILLATION),
+        (KazantzisKravaris, KazantzisKravarisConfig(), SWING),
+    ],
+)
+def test_readings_that_are_missing_for_less_than_the_timeout_raise_no_alarm(
+    plugin: type, config: object, given: list[Step]
+) -> None:
+    """The last reading is of an older state, which the output has left since."""
+    read = [replace(step, measurements=()) if 2.0 <= step.t < 2.4 else step for step in given]
+    system = KRENER_ISIDORI if given is OSCILLATION else KAZANTZIS_KRAVARIS
+    assert {estimate.status for estimate in replayed(plugin.build(config, mission(system)), read)} == {Status.OK}

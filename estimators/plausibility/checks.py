@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.plausibility import base_imu, inertial, positions
+from mathnavi.estimators.plausibility import base_imu, imu_alone, inertial, positions
 from mathnavi.estimators.plausibility import odometry as odometry_check
 from mathnavi.estimators.plausibility.motion import RecordedMotion
-from mathnavi.estimators.plausibility.units import GRAVITIES, MILLIGRAVITIES, fit_only
 from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.inertial_mission import InertialMission
@@ -74,17 +73,8 @@ def _(mission: QuadrotorMission, recording: Recording) -> Check:
 
 @misread.register
 def _(mission: InertialMission, recording: Recording) -> Check:
-    """An accelerometer in another unit: in the middle of its readings it reads about gravity."""
     yield from ()
-    forces = np.linalg.norm(recording.readings[IMU][:, 3:], axis=1)
-    known = forces[np.isfinite(forces)]
-    if not len(known):
-        return ""
-    share = float(np.median(known)) / mission.gravity
-    fitting = [unit for unit in (GRAVITIES, MILLIGRAVITIES) if _is_about_one(share * unit.factor)]
-    if _is_about_one(share) or not fitting:
-        return ""
-    return fit_only("imu", "gravity", ((fitting[0].name, "columns 3, 4, 5, the accelerometer", fitting[0].allowed),))
+    return imu_alone.misread(recording.t, recording.readings[IMU], mission.gravity)
 
 
 @misread.register
@@ -94,10 +84,6 @@ def _(mission: RangingMission, recording: Recording) -> Check:
     ranges, odometry = recording.readings["ranges"], recording.readings["odometry"]
     said = yield from odometry_check.misread(mission, recording.t, ranges, odometry)
     return said
-
-
-def _is_about_one(share: float) -> bool:
-    return 0.5 < share < 2.0
 
 
 def finished(check: Check) -> str:

@@ -136,6 +136,26 @@ def test_an_accelerometer_in_gravities_is_refused_with_its_unit() -> None:
     assert not mn.estimate("inertial_attitude", MISSION, log, trust_units=True).unused
 
 
+def test_a_gyro_in_degrees_is_refused_with_its_unit_once_the_device_turns() -> None:
+    log = device().log
+    degrees = mn.SensorLog(log.t, {"imu": log.readings["imu"] * np.repeat([180.0 / np.pi, 1.0], 3)})
+    with pytest.raises(mn.LogError, match=r"turning of gravity only as deg/s in columns 0, 1, 2, the gyro"):
+        mn.estimate("inertial_attitude", MISSION, degrees)
+    still = mn.SensorLog(log.t[:200], {"imu": degrees.readings["imu"][:200]})
+    assert mn.estimate("inertial_attitude", MISSION, still).status[-1] is Status.OK  # nothing shows it yet
+
+
+def test_a_device_that_swings_on_an_arc_is_not_taken_for_a_gyro_of_another_unit_or_sign() -> None:
+    """It accelerates as it turns, by more than gravity turns: f' is along f x omega the other way."""
+    t = PERIOD * np.arange(2001)
+    rate = 0.3 * np.sin(5.0 * t)
+    angle, radius = 0.06 * (1.0 - np.cos(5.0 * t)), 3.0
+    forces = np.stack([9.81 * np.sin(angle) + radius * np.gradient(rate, PERIOD), 0.0 * t, 9.81 * np.cos(angle)], 1)
+    imu = np.hstack([np.stack([0.0 * t, -rate, 0.0 * t], 1), forces])
+    imu += np.random.default_rng(2).standard_normal(imu.shape) * np.repeat([0.005, 0.05], 3)
+    assert mn.estimate("inertial_attitude", MISSION, mn.SensorLog(t, {"imu": imu})).x.shape == (2001, 4)
+
+
 def test_a_declared_delay_is_made_up_for() -> None:
     t = device().log.t[:1000]
     late, truth = mn.SensorLog(t, {"imu": device().log.readings["imu"][:1000]}), device().truth[3:1003]

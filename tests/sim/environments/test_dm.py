@@ -149,8 +149,9 @@ def test_specs_tell_units_and_the_scenarios_own_bounds() -> None:
 
 def test_another_estimator_is_observed_by_its_name() -> None:
     seen = load("textbook-observer", seed=2, estimator="output_injection", system="krener-isidori").reset().observation
-    assert set(seen) == {"t", "x", "status"}
+    assert set(seen) == {"t", "x", "status", "covariance"}
     assert seen["x"].shape == (2,)
+    assert seen["covariance"].shape == (2, 2)
 
 
 @pytest.mark.refused("environment", "fields that are unknown or not allowed")

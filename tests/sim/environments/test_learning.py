@@ -150,9 +150,9 @@ def test_leaving_the_map_and_a_lost_state_are_crashes() -> None:
 
 def test_an_episode_that_is_over_and_wrong_terms_are_refused(built: EpisodeRunner) -> None:
     episode = LearningEpisode(built)
-    played(episode, lambda _: np.zeros(1))
+    played(episode, lambda _: np.zeros(3))
     with pytest.raises(ValueError, match="the episode is over; allowed: after reset"):
-        episode.step(np.zeros(1))
+        episode.step(np.zeros(3))
     for options, expected in (
         ({"hold": 0.0137}, "hold = 0.0137 s is not a whole number"),
         ({"discount": 1.5}, "discount = 1.5; allowed: > 0 and <= 1"),
@@ -173,6 +173,5 @@ def test_the_filter_is_of_version_0(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def built() -> EpisodeRunner:
-    """Two states of an ODE for a few steps, of an estimator without a covariance."""
-    fields = {"system": "krener-isidori", "duration": 0.05}
-    return EpisodeRunner(RunSpec.of("textbook-observer", 1, estimator="output_injection", fields=fields))
+    """A point on the sphere for a few steps, of an estimator without a covariance."""
+    return EpisodeRunner(RunSpec.of("sphere-observer", 1, fields={"duration": 0.05, "settled": 0.0}))

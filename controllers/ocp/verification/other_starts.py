@@ -2,9 +2,14 @@
 
 The problem is solved from other guesses (see ``feasibility.starts``), first that of the guessed controls,
 simulated, on a coarse uniform mesh: 21 nodes with three points each. A coarse mesh has an error of J of its own, so
-what counts is J of the solution that is known, solved on that mesh too. A mesh on which it cannot be solved, because it
-is too coarse for it, compares nothing: where the caller has asked for other starts, they are solved on the first of
-twice, four and eight times as many intervals on which the known one can be. Where J from another start is lower there,
+what counts is J of the solution that is known, solved on that mesh too. The mesh holds the solution where this solve
+ends, with
+
+    |J_c(known) - J(known)| <= 0.1 J_s;
+
+otherwise it is another solution, or none, that would be compared. Where the caller has asked for other starts, they are
+solved on the first of twice, four and eight times as many intervals that hold the known one; what no mesh holds is
+compared on the last one on which it can be solved, and the result says so. Where J from another start is lower there,
 
     J_c < J_c(known) - 1e-3 J_s,
 
@@ -37,6 +42,7 @@ _NODES, _POINTS = (21, 41, 81, 161), 3  # of the meshes, the first that holds th
 _ITERATIONS, _SECONDS = 100, 5.0  # of a start
 _TOLERANCE = 1e-8  # of the solver there
 _LOWER = 1e-3  # of J_s: difference of J on the coarse mesh that counts
+_HELD = 0.1  # of J_s: largest error of the known J on a mesh that compares it
 _DIVERGING = 4  # starts that are tried for one whose simulation does not diverge
 
 
@@ -60,6 +66,8 @@ class Minima:
     starts: tuple[int, ...]
     failed: int  # starts that led to none
     nodes: int = _NODES[0]  # of the mesh: the finest that was tried
+    known: float = np.nan  # J on it of the solution that is known, NaN where it cannot be solved there
+    held: bool = False  # True if this is the J of the solution but for the error of a coarse mesh
 
     def __str__(self) -> str:
         """The minima in words."""
@@ -73,7 +81,10 @@ class Minima:
                 f"{total} other starts are not compared: the solution cannot be solved again on the coarse mesh of "
                 f"{self.nodes} nodes that compares them"
             )
-        return f"minima from {total} starts, on a coarse mesh of {self.nodes} nodes: {found}{none}"
+        mesh = f"a coarse mesh of {self.nodes} nodes"
+        if not self.held:
+            mesh += f" that does not hold the solution, for its J there is about {self.known:.4g}"
+        return f"minima from {total} starts, on {mesh}: {found}{none}"
 
 
 def minima(solution: Solution, others: OtherStarts, size: float, options: Options, budget: Budget) -> Minima:
@@ -91,15 +102,19 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
         options, tolerance=_TOLERANCE, backend="ipopt", warm=False, log=None,
         seconds=min(budget.left(options).seconds, _SECONDS), iterations=min(options.iterations, _ITERATIONS),
     )  # fmt: skip
+    best, held = None, False
     for nodes in _NODES if others.asked else _NODES[:1]:
         grid = on_breaks(uniform(nodes), problem.breaks)
         with at("other starts", "coarse mesh"):
             made = transcription(problem, RadauIIA(_POINTS), len(grid), FIXED, coarse)
             known = made.solve(solution, grid, p, explained=False)
-        if known.solved or budget.spent:
+        if known.solved:
+            best, held = (nodes, grid, made, known), abs(known.cost - solution.cost) <= _HELD * size
+        if held or budget.spent:
             break
-    if not known.solved:  # on any of these meshes: nothing to compare with
+    if best is None:  # on any of these meshes: nothing to compare with
         return Minima(None, None, (), (), others.count, nodes)
+    nodes, grid, made, known = best
     found, failed = [known], 0
     for start in islice(_guesses(solution, others), others.count):
         if budget.spent:
@@ -123,7 +138,8 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
             gain = solution.cost - max(better.cost, better.replay.cost)
             unconfirmed = better.cost if gain > 10.0 * size * better.replay.error else None
     costs, counts = tuple(group[0].cost for group in groups), tuple(len(group) for group in groups)
-    return Minima(chosen, None if chosen is not None else unconfirmed, costs, counts, failed, nodes)
+    unconfirmed = None if chosen is not None else unconfirmed
+    return Minima(chosen, unconfirmed, costs, counts, failed, nodes, known.cost, held)
 
 
 def _guesses(solution: Solution, others: OtherStarts) -> Iterator[GuessedTrajectory]:

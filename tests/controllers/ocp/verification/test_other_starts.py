@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -104,6 +105,29 @@ def test_a_mesh_that_does_not_hold_the_solution_is_refined_for_starts_that_are_a
     assert found[1].costs[0] == pytest.approx(known.cost, rel=0.05)
     assert f"minima from 4 starts, on a coarse mesh of {found[1].nodes} nodes: J about" in str(found[1])
     assert found[1].nodes > 2
+
+
+def test_a_mesh_on_which_j_is_another_does_not_hold_the_solution() -> None:
+    """J has a spike between the points of the coarse mesh: solved there, the solution costs less, as any would."""
+    ocp = OptimalControlProblem("spike")
+    x, t, u = ocp.state("x"), ocp.state("t", guess=(0.0, 1.0)), ocp.control("u", lower=-4.0, upper=4.0)
+    ocp.duration(1.0)
+    ocp.dynamics(x, u)
+    ocp.dynamics(t, 1.0)
+    ocp.start(x, 0.0)
+    ocp.start(t, 0.0)
+    ocp.end(x, 1.0)
+    ocp.minimise(running=u**2 + 100.0 * ca.exp(-(((t - 0.5025) / 5e-3) ** 2)))
+    known = ocp.solve(starts=1)
+    assert known.status is SolverOutcome.OPTIMAL
+    found = [
+        minima(known, OtherStarts(2, known.problem.guess, lambda start: start, asked), 1.0, Options(), Budget(Options()))
+        for asked in (False, True)
+    ]
+    assert not found[0].held
+    assert f"that does not hold the solution, for its J there is about {found[0].known:.4g}: J about" in str(found[0])
+    assert found[1].held
+    assert found[1].known == pytest.approx(known.cost, abs=0.1)
 
 
 @pytest.mark.parametrize("starts", [0, True, 2.0, "3"])

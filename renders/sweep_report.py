@@ -58,23 +58,27 @@ def write_sweep_report(
     terrain: HeightField | None,
     tracks: Sequence[Track],
     command: str,
+    worst: Markup | None = None,
 ) -> Path:
     """Write the page, whole or not at all, and return its path.
 
-    ``varied`` are the names of fields as in ``Record.fields``. Raises ValueError if there are no records, and for a
-    field that no record has.
+    ``varied`` are the names of fields as in ``Record.fields``, ``worst`` a section with links to single runs. Raises
+    ValueError if there are no records, and for a field that no record has.
     """
-    write_text(path, report(Sweep(records, varied), terrain, tracks, command))
+    write_text(path, report(Sweep(records, varied), terrain, tracks, command, worst))
     return path
 
 
-def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], command: str) -> Markup:
+def report(
+    sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], command: str, worst: Markup | None = None
+) -> Markup:
     """Return the page's HTML."""
     scenarios = ", ".join(dict.fromkeys(record.scenario for record in sweep.records))
     title = f"{scenarios}: {_found(sweep)}"
     return page.document(
         title,
         *_headline(title, sweep),
+        *([worst] if worst else []),
         page.section("Rates", *_rates(sweep)),
         page.section("Medians", *_medians(sweep)),
         *_clearance(sweep),

@@ -17,11 +17,10 @@ from mathnavi.commands.progress import compilation_announced, sweep_progress
 from mathnavi.commands.provenance import note_changed_files, note_origins
 from mathnavi.commands.search_fields import SearchFields, read_space
 from mathnavi.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.commands.worst_runs import write_reports
 from mathnavi.interfaces.bounds import MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.errors import FieldError, RunFolderError
-from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import NothingToDrawError
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.search.directed import check_space, directed
 from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
@@ -164,25 +163,13 @@ def main(argv: Sequence[str]) -> int:
             for folder in worst:
                 console.print(f"run     {folder}", soft_wrap=True, highlight=False)
         if options.report:
-            for folder in worst:
-                _write_report(folder)
+            write_reports(worst)
             for page in write_pages(results, options.store, worst):
                 console.print(f"report  {page}", soft_wrap=True, highlight=False)
     except (OSError, RunFolderError) as error:
         print_error(worded(error))
         return 1
     return 0
-
-
-def _write_report(folder: Path) -> None:
-    """Write the report of a run into its folder; the page of the search links to it."""
-    from mathnavi.renders.report import write_report  # slow to import
-
-    try:
-        with trusting():  # its drawing is the one of the scenario that has been flown
-            write_report(folder)
-    except (NothingToDrawError, RunFolderError) as error:
-        print_error(f"no report of {folder}: {worded(error)}")
 
 
 def _search(

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -13,9 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.commands.trial_command import command_of
+from mathnavi.commands.worst_runs import fly_again, report_link
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.sim.records.figure_names import SHORTFALL, label
-from mathnavi.sim.records.files import inside
 from mathnavi.sim.records.sweep_data import format_value
 from mathnavi.sim.search.evaluation import Evaluation, Objective
 from mathnavi.sim.search.rare import REDRAW, RareEvent
@@ -118,29 +117,18 @@ def write_worst(results: SearchResults, folder: Path, count: int, page: Path | N
 
     Each names the search that it belongs to, with its ``page``, if it has one.
     """
-    written = []
-    for k, each in enumerate(results.worst(count), 1):
-        if each.trial is None:
-            continue
-        own, run = inside(folder, folder / f"worst-{k}"), each.trial.flown()
-        if page is not None:
-            name = f"the search {page.stem} ({results.scenario}, mission {each.number + 1})"
-            part_of = {"name": name, "page": os.path.relpath(page.resolve(), own.resolve())}
-            run = replace(run, config={**run.config, "part_of": part_of})
-        written.append(run.save(own))
-    return written
+    search = f"the search {'' if page is None else page.stem} ({results.scenario}"
+    trials = [(f"{search}, mission {each.number + 1})", each.trial) for each in results.worst(count) if each.trial]
+    return fly_again(trials, folder, page)
 
 
 def write_pages(results: SearchResults, store: Path, worst: Sequence[Path] = ()) -> list[Path]:
     """Write the page and the picture next to the store, with links to the reports of the ``worst`` runs."""
-    from mathnavi.renders.page import Markup, link
+    from mathnavi.renders.page import Markup
     from mathnavi.renders.search_report import Point, SearchPage, write_search_report  # slow to import
 
-    reports = [os.path.relpath((folder / "report.html").resolve(), store.resolve().parent) for folder in worst]
-
     def mission(k: int, number: int) -> str | Markup:
-        drawn = k < len(worst) and (worst[k] / "report.html").is_file()
-        return link(reports[k], str(number)) if drawn else str(number)
+        return report_link(store, worst[k], str(number)) if k < len(worst) else str(number)
 
     points = [
         Point(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,11 +20,13 @@ from mathnavi.commands.progress import compilation_announced, sweep_progress
 from mathnavi.commands.provenance import note_changed_files, note_origins
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.commands.variations import listed_combinations, read_command_lines, read_variations, trials
+from mathnavi.commands.worst_runs import fly_again, report_link, worst, worst_section, write_reports
 from mathnavi.interfaces.bounds import LARGEST_SEED, MOST_TO_COMPUTE, Count, Positive, Processes, configuration
 from mathnavi.interfaces.checks import check_spares
-from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.errors import FieldError, RunFolderError
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
+from mathnavi.sim.records.sweep_data import format_value
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
@@ -57,6 +59,11 @@ class SweepOptions:
     """whether to run those trials again that are stored as timed out or crashed"""
     mix_environments: bool = False
     """whether to accept trials stored from another computing environment, and workers that compute in one"""
+    worst: Count = 3
+    """number of the worst runs that are flown again into --out"""
+    out: Path | None = None
+    """folder for the worst runs, worst-1 and so on, which can be drawn, and flown again by --from; with --report the
+    page of the sweep and their reports link to each other"""
     report: bool = False
     """whether to write a page next to the store, with .html in place of its ending"""
     web: bool = False
@@ -141,13 +148,18 @@ def _run(sweep: SweepRequest, argv: Sequence[str], served: ExitStack) -> int:
             soft_wrap=True,
             highlight=False,
         )
-    if options.report:
-        try:
-            page = _report(sweep, records, command)
-        except OSError as error:
-            print_error(f"no report: {worded(error)}")
-            return 1
-        console.print(f"report  {page}", soft_wrap=True, highlight=False)
+    try:
+        by_content = dict(zip(asked, records, strict=True))
+        folders = {} if options.out is None else _fly_worst(sweep, by_content, options.out)
+        for folder in folders.values():
+            console.print(f"run     {folder}", soft_wrap=True, highlight=False)
+        if options.report:
+            write_reports(list(folders.values()))
+            page = _report(sweep, records, by_content, command, folders)
+            console.print(f"report  {page}", soft_wrap=True, highlight=False)
+    except (OSError, RunFolderError) as error:
+        print_error(f"no report: {worded(error)}" if options.report else worded(error))
+        return 1
     if follow is not None:
         follow.show_ended()
     return 0
@@ -166,13 +178,41 @@ def _followed(
     return followed(page, *address_of(options.host, options.port))
 
 
-def _report(sweep: SweepRequest, records: Sequence[Record], command: str) -> Path:
+def _fly_worst(sweep: SweepRequest, records: Mapping[str, Record], out: Path) -> dict[str, Path]:
+    """Fly the worst trials again into the folder ``out``; records, and the folders that it returns, are by content."""
+    options = sweep.line.options
+    page, trials = options.store.with_suffix(REPORT), dict(zip(contents(sweep.trials), sweep.trials, strict=True))
+    chosen = worst(records, options.worst)
+    varied = [f"seed {records[each].seed}{_values(sweep, records[each])}" for each in chosen]
+    named = [(f"the sweep {page.stem} ({words})", trials[each]) for words, each in zip(varied, chosen, strict=True)]
+    return dict(zip(chosen, fly_again(named, out, page if options.report else None), strict=True))
+
+
+def _values(sweep: SweepRequest, record: Record) -> str:
+    names = [name for name in (*sweep.listed, *sweep.drawn) if name in record.fields]
+    return "".join(f", {name} {format_value(record.fields[name])}" for name in names)
+
+
+def _report(
+    sweep: SweepRequest,
+    records: Sequence[Record],
+    by_content: Mapping[str, Record],
+    command: str,
+    folders: Mapping[str, Path],
+) -> Path:
+    """Write the page, with links to the reports in the ``folders`` of the worst runs."""
     from mathnavi.commands.tracks import shown_flights
     from mathnavi.renders.sweep_report import write_sweep_report  # what draws takes a while to import
 
     terrain, tracks = shown_flights(sweep.trials, records)
     path: Path = sweep.line.options.store.with_suffix(REPORT)
-    return write_sweep_report(path, records, [*sweep.listed, *sweep.drawn], terrain, tracks, command)
+    varied = [*sweep.listed, *sweep.drawn]
+    links = worst_section(
+        {each: by_content[each] for each in folders}, varied,
+        lambda each, words: report_link(path, folders[each], words), len(folders),
+        "Each was flown again, bit for bit the same run; a link shows its report.",
+    )  # fmt: skip
+    return write_sweep_report(path, records, varied, terrain, tracks, command, links)
 
 
 @dataclass(frozen=True)

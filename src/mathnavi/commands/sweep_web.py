@@ -18,24 +18,19 @@ from urllib.parse import urlencode, urlsplit
 
 from mathnavi.commands.view_web import page_of
 from mathnavi.commands.web_server import PageServer
+from mathnavi.commands.worst_runs import worst_section
 from mathnavi.interfaces.errors import FieldError
-from mathnavi.renders.page import UNKNOWN, Markup, card, document, heading, paragraph, quantity, section, table
+from mathnavi.renders.page import Markup, document, heading, paragraph
 from mathnavi.renders.sweep_report import report
-from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.origins import Elsewhere
-from mathnavi.sim.records.store import Record, Store
-from mathnavi.sim.records.sweep_data import Sweep, format_value, is_number
+from mathnavi.sim.records.store import Store
+from mathnavi.sim.records.sweep_data import Sweep
 from mathnavi.sim.sweep.trial import Trial
 
 EVERY = 5  # [s] after which a page reloads
 HEAD = '<meta charset="utf-8">'
 VIEW = "/view"  # where a trial is shown
 MOST_WORST = 10  # runs with a link
-# What runs are ordered by, the first figure that they have; True where the largest value is the worst.
-JUDGED = {
-    "clearance_margin_m": False, "miss_m": True, "position_rms_m": True, "attitude_rms_rad": True,
-    "velocity_rms": True, "error_rms": True,
-}  # fmt: skip
 
 
 @dataclass
@@ -90,43 +85,19 @@ class FollowedSweep:
             keys = store.keys_of(list(self.trials), self.mix_environments, Elsewhere())
             stored = [each for each in self.trials if each in keys]
             records = store.records([keys[each] for each in stored])
-        worst = self._worst(stored, records)
+        worst = worst_section(
+            dict(zip(stored, records, strict=True)), self.varied, self._linked, MOST_WORST,
+            "A link flies the trial again and shows the run.",
+        )  # fmt: skip
         if records:
-            page: Markup = report(Sweep(records, self.varied), None, (), self.command)
+            page: Markup = report(Sweep(records, self.varied), None, (), self.command, worst)
         else:
             page = document(self.name, heading(self.name, "no trial has ended yet", None), paragraph(""))
         refresh = "" if self.ended else f'\n<meta http-equiv="refresh" content="{EVERY}">'
         state = f"<p><b>{html.escape(self.progress())}</b></p>"
-        return (
-            page.replace(HEAD, HEAD + refresh + '\n<link rel="icon" href="data:,">', 1)
-            .replace("<main>", f"<main>\n{state}", 1)
-            .replace("<h2>", f"{worst}<h2>", 1)
+        return page.replace(HEAD, HEAD + refresh + '\n<link rel="icon" href="data:,">', 1).replace(
+            "<main>", f"<main>\n{state}", 1
         )
-
-    def _worst(self, stored: Sequence[str], records: Sequence[Record]) -> Markup:
-        """Return a table of the worst runs, each with a link; an empty text if none ran to its end."""
-        flown = [pair for pair in zip(stored, records, strict=True) if pair[1].status == "ok"]
-        if not flown:
-            return Markup("")
-        key = next((name for name in JUDGED if is_number(flown[0][1].summary.get(name))), None)
-
-        def badness(pair: tuple[str, Record]) -> tuple[bool, float]:
-            value = None if key is None else pair[1].summary.get(key)
-            if key is None or value is None:
-                return bool(pair[1].success), 0.0
-            return bool(pair[1].success), -float(value) if JUDGED[key] else float(value)
-
-        rows = [
-            (
-                Markup(f'<a href="{self._link(content)}">seed {record.seed}</a>'),
-                *(format_value(record.fields.get(name, UNKNOWN)) for name in self.varied),
-                "yes" if record.success else str(record.summary.get(SHORTFALL, "no")),
-                *([] if key is None else [quantity(key, record.summary.get(key))]),
-            )
-            for content, record in sorted(flown, key=badness)[:MOST_WORST]
-        ]
-        heads = ("run", *self.varied, "success", *([] if key is None else [label(key)[0]]))
-        return section("Worst runs", card(table(heads, rows, "A link flies the trial again and shows the run.")))
 
     def _back(self) -> str:
         """Return the link from a trial's page to that of the sweep."""
@@ -134,10 +105,11 @@ class FollowedSweep:
         address = html.escape(f"./{f'?{token}' if token else ''}")
         return f'<p id="of">a trial of <a href="{address}">{html.escape(self.name)}</a></p>'
 
-    def _link(self, content: str) -> str:
-        """Return the address at which a trial is shown, with the token of the server if it has one."""
+    def _linked(self, content: str, words: str) -> Markup:
+        """Return the link to the page of a trial, with the token of the server if it has one."""
         token = urlsplit(self.url).query
-        return html.escape(f"{VIEW.lstrip('/')}?{urlencode({'trial': content})}{f'&{token}' if token else ''}")
+        address = f"{VIEW.lstrip('/')}?{urlencode({'trial': content})}{f'&{token}' if token else ''}"
+        return Markup(f'<a href="{html.escape(address)}">{html.escape(words)}</a>')
 
 
 @contextmanager

@@ -121,7 +121,9 @@ def test_a_mesh_on_which_j_is_another_does_not_hold_the_solution() -> None:
     known = ocp.solve(starts=1)
     assert known.status is SolverOutcome.OPTIMAL
     found = [
-        minima(known, OtherStarts(2, known.problem.guess, lambda start: start, asked), 1.0, Options(), Budget(Options()))
+        minima(
+            known, OtherStarts(2, known.problem.guess, lambda start: start, asked), 1.0, Options(), Budget(Options())
+        )
         for asked in (False, True)
     ]
     assert not found[0].held

@@ -62,7 +62,7 @@ WIDER = """(() => {
     && (part !== document.body && getComputedStyle(part).overflowX !== 'visible' || rolls(part.parentElement));
   const over = (part) => {
     const { left, right, width } = part.getBoundingClientRect();
-    return width > 0 && (right > innerWidth + 1 || left < -1) && !rolls(part.parentElement);
+    return width > 0 && right > 0 && (right > innerWidth + 1 || left < -1) && !rolls(part.parentElement);
   };
   const named = ({ tagName, id, classList }) => [tagName.toLowerCase(), id && `#${id}`, ...classList].join(' ');
   const found = [...document.body.querySelectorAll('*')].filter(over).map(named);

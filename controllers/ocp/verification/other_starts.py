@@ -124,7 +124,9 @@ def minima(solution: Solution, others: OtherStarts, size: float, options: Option
         found += [other] if other.solved else []
         failed += int(not other.solved)
     groups = _groups(found, _LOWER * size)
-    lower = [group[0] for group in groups if group[0].cost < known.cost - _LOWER * size]
+    # What the known one leads to on a mesh that does not hold it may be another minimum.
+    bound = known.cost if held or not others.asked else solution.cost
+    lower = [group[0] for group in groups if group[0].cost < bound - _LOWER * size]
     chosen, unconfirmed = None, None
     for each in lower:
         if budget.spent:

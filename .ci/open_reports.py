@@ -60,9 +60,11 @@ FOUND = """(() => {
 WIDER = """(() => {
   const rolls = (part) => part !== null && part !== document.documentElement
     && (part !== document.body && getComputedStyle(part).overflowX !== 'visible' || rolls(part.parentElement));
+  const fixed = (part) => part !== null && (getComputedStyle(part).position === 'fixed' || fixed(part.parentElement));
   const over = (part) => {
     const { left, right, width } = part.getBoundingClientRect();
-    return width > 0 && right > 0 && (right > innerWidth + 1 || left < -1) && !rolls(part.parentElement);
+    if ((right <= 0 || left >= innerWidth) && fixed(part)) return false;  // a drawer that is closed
+    return width > 0 && (right > innerWidth + 1 || left < -1) && !rolls(part.parentElement);
   };
   const named = ({ tagName, id, classList }) => [tagName.toLowerCase(), id && `#${id}`, ...classList].join(' ');
   const found = [...document.body.querySelectorAll('*')].filter(over).map(named);
@@ -154,8 +156,8 @@ class Browser:
         return message
 
 
-def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
-    """Actions of a page that it must not take."""
+def complaints(events: list[dict[str, Any]], url: str, own: str) -> list[str]:
+    """Actions of a page that it must not take; what lies below the address ``own`` belongs to it."""
     found = []
     for event in events:
         method, parameters = event.get("method"), event.get("params", {})
@@ -168,7 +170,7 @@ def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
             found.append(f"console: {parameters['entry']['text']}")
         elif method == "Network.requestWillBeSent":
             asked = parameters["request"]["url"]
-            if asked != url and not asked.startswith(("data:", "blob:")):
+            if asked != url and not asked.startswith(("data:", "blob:", own)):
                 found.append(f"request: {asked}")
     return found
 
@@ -204,10 +206,19 @@ def whole_page(browser: Browser, width: int) -> Image.Image:
 
 
 def examine(
-    browser: Browser, report: Path, theme: str, screenshots: Path | None, wanted: Sequence[str]
+    browser: Browser,
+    report: Path,
+    theme: str,
+    screenshots: Path | None,
+    wanted: Sequence[str],
+    root: Path | None = None,
 ) -> tuple[list[str], str]:
-    """Return the faults of a page and the numbers of its parts; it must have one of each kind ``wanted`` or more."""
+    """Return the faults of a page and the numbers of its parts; it must have one of each kind ``wanted`` or more.
+
+    A page stands alone, or may load what lies in the folder ``root``.
+    """
     url = report.resolve().as_uri()
+    own = url if root is None else root.resolve().as_uri()
     browser.events.clear()
     browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
     set_width(browser, WIDTHS[-1])
@@ -228,7 +239,7 @@ def examine(
         pixels = np.asarray(Image.open(io.BytesIO(seen)).convert("RGB")).reshape(-1, 3)
         if len(np.unique(pixels, axis=0)) < LEAST_COLOURS:
             wrong.append(f"blank: {view['name']}")
-    said = complaints(browser.events, url)
+    said = complaints(browser.events, url, own)
     browser.value(f"{axe()}; true")
     for width in WIDTHS:
         set_width(browser, width)
@@ -242,13 +253,23 @@ def examine(
     return said + wrong, counts
 
 
+def documented(root: Path | None, pages: Sequence[str]) -> list[Path]:
+    """The pages of a documentation, all of them where none is named; none without one."""
+    if root is None:
+        return []
+    static = root / "_static"
+    return [root / page for page in pages] or [p for p in sorted(root.rglob("*.html")) if static not in p.parents]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("program", help="the Chromium to open the reports with")
-    parser.add_argument("reports", nargs="+", type=Path, metavar="REPORT.html")
+    parser.add_argument("reports", nargs="*", type=Path, metavar="REPORT.html")
     parser.add_argument("--flat", nargs="*", default=[], type=Path, metavar="REPORT.html", help="without a terrain")
     parser.add_argument("--texts", nargs="*", default=[], type=Path, metavar="PAGE.html", help="without a drawing")
     parser.add_argument("--scenes", nargs="*", default=[], type=Path, metavar="PAGE.html", help="of a viewer")
+    parser.add_argument("--docs", type=Path, metavar="FOLDER", help="built documentation, with the pages below")
+    parser.add_argument("--pages", nargs="*", default=[], metavar="PAGE.html", help="in it; all if none is named")
     parser.add_argument("--screenshots", type=Path, metavar="FOLDER", help="keep a picture of each page here")
     arguments = parser.parse_args()
     failed = False
@@ -263,9 +284,11 @@ def main() -> int:
             (arguments.scenes, ("views",)),
             (arguments.texts, ()),
         )
-        for report, wanted in ((page, parts) for pages, parts in kinds for page in pages):
+        found = [(page, parts, None) for pages, parts in kinds for page in pages]
+        found += [(page, (), arguments.docs) for page in documented(arguments.docs, arguments.pages)]
+        for report, wanted, root in found:
             for theme in ("light", "dark"):
-                wrong, counts = examine(browser, report, theme, arguments.screenshots, wanted)
+                wrong, counts = examine(browser, report, theme, arguments.screenshots, wanted, root)
                 print(
                     f"{report}, {theme}: {counts}, {report.stat().st_size / 1e6:.1f} MB"
                     if not wrong

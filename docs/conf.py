@@ -47,6 +47,7 @@ html_theme = "furo"
 html_title = "mathnavi"
 html_static_path = ["_static"]
 html_css_files = ["mathnavi.css"]
+html_js_files = [("scroll.js", {"defer": "defer"})]
 html_show_copyright = False
 html_show_sourcelink = False
 html_copy_source = False

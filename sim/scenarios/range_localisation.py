@@ -36,6 +36,7 @@ from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Endurance, Inputs, Outcome, Task, squared_error
 
+POSE = ("x_1 [m]", "x_2 [m]", "phi [rad]")  # names of what is estimated
 VEHICLE = "robot"
 
 SLIP: Mapping[DriveName, tuple[float, float]] = {"ideal": (0.0, 0.0), "differential": (0.01, 0.02)}
@@ -89,11 +90,16 @@ class RangeLocalisation:
         )
 
     @staticmethod
+    def estimands(config: RangeLocalisationConfig, truth: Array) -> dict[str, Array]:
+        """Pose, by "name [unit]", of true states (n, nx): of the body and the wheels nothing more is estimated."""
+        return dict(zip(POSE, truth[:, :3].T, strict=True))
+
+    @staticmethod
     def errors(config: RangeLocalisationConfig, x: Array, truth: Array) -> dict[str, Array]:
         """Error of the pose, named with its unit, of estimates (n, 3) to truths (n, nx), modulo symmetry."""
         mission = _mission(config)
         error = np.array([mission.difference(pose, true[:3]) for pose, true in zip(x, truth, strict=True)])
-        return {name: error[:, k] for k, name in enumerate(("x_1 [m]", "x_2 [m]", "phi [rad]"))}
+        return dict(zip(POSE, error.T, strict=True))
 
 
 def finished(body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:

@@ -26,8 +26,8 @@ OWN = "mathnavi"  # distribution whose plug-ins stand without its name
 KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [KIND] [{VERBOSE}] [{FULL}]
 
-The plug-ins that are installed, of one kind or of all. {VERBOSE} adds their fields and where they come from; {FULL} \
-imports them too, which names those that cannot be used, and adds the declared properties of estimators.
+List the installed plug-ins, of one kind or of all. {VERBOSE} adds their fields and their origin; {FULL} also \
+imports them: it names those that cannot be used, and adds the declared properties of estimators.
 
 KIND: {", ".join(KINDS)}"""
 CLAIMED = (

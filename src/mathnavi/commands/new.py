@@ -60,7 +60,7 @@ class NewOptions:
     kind: Annotated[Kind, Positional("KIND")]
     """vehicle, planner, observer, scenario or terrain"""
     name: Annotated[str, Positional("NAME")]
-    """name on the command line, which the package and the class have too: lower-case letters, digits and hyphens"""
+    """name on the command line, and of the package and the class: lower-case letters, digits and hyphens"""
     out: Path | None = None
     """folder to make; NAME in the current folder if not given"""
 

@@ -115,9 +115,9 @@ class AlphaBetaGamma:
                 self._counts.add(Unused.NOT_FINITE)
             else:
                 self._predict(fix.t, command)
-                off = fix.value - self._x[0]
-                self._x = self._x + np.outer(self._gains, off)
-                self._fixes.note(fix.t, agrees=bool((np.abs(off) <= self._agreeing).all()))
+                error = fix.value - self._x[0]
+                self._x = self._x + np.outer(self._gains, error)
+                self._fixes.note(fix.t, agrees=bool((np.abs(error) <= self._agreeing).all()))
         self._predict(t, command)
         status, extra = self._fixes.status(t), {"gust": self._x[2].copy(), **self._counts.extra}
         return Estimate(t, self._x[:2].flatten(), self._covariance.copy(), status, extra, waiting(status, "a fix"))

@@ -14,7 +14,8 @@ degrees of freedom: an upper bound of the exact covariance, that of the sum of t
 follows: a fault that it has absorbed, and odometry that is wrong.
 
 Wheels that slip are within P_branch where an estimator has found that they do. A ray that drifts looks like that to a
-filter with two others; so dead reckoning is also tested as if they did not, strictly.
+filter with two others; so dead reckoning is also tested as if they did not, strictly: by d' (P_branch + P_k)^-1 d, for
+an estimate of free wheels is worse than that of these.
 
 **Odometry that is left out** has the variance W' of a robot that moves anyhow in the predictions. Branches are moved by
 what it reads, as declared; their d is then tested by d' (P_branch + P_k)^-1 d, for the estimate does not follow them: a
@@ -310,7 +311,7 @@ def reckoned(
                 for i in range(3):
                     for j in range(3):
                         S[i, j] = branch[column + 3 * i + j] + scale * branch[_S + i] * branch[_S + j]
-                        if spared:
+                        if spared or column == _GRIPPING:  # the estimate follows other motions than these
                             S[i, j] += P[i, j]
                 if column == _P:
                     value = square(S, d)

@@ -58,6 +58,9 @@ class Witness(Protocol):
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         """The readings without some channels."""
 
+    def agree(self, one: Estimate, other: Estimate) -> bool:
+        """True if two estimates with covariances are of the same state, within their errors."""
+
     def clear(self) -> None:
         """Forget what was taken."""
 

@@ -28,7 +28,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,14 +54,6 @@ COST = 1.5e-4
 """[s] of an update that is run again, on a common computer"""
 _DOUBT = "finds that its wheels slip more than declared, unless several of its readings are wrong"
 _WORDS = {MEAN: "its mean", ENERGY: "its spread", JOINT: "all readings together", RECKONED: "dead reckoning"}
-
-
-class Snapshot(NamedTuple):
-    """Copy of estimator and witness after update k, and the channels that were left out."""
-
-    k: int
-    copy: Replay
-    out: frozenset[int]
 
 
 class Guarded:
@@ -112,7 +104,7 @@ class Guarded:
         self._k = self._quiet = 0
         self._next_attempt, self._unexplained = 0, -1
         self._past: deque[Reading] = deque(maxlen=self._updates(_MEMORY) + 1)
-        self._snapshots: list[Snapshot] = []
+        self._snapshots: list[Start] = []
         self._search: Search | None = None
         self._later: list[Reading] = []  # readings since it began
         self._asked = Question(frozenset(), frozenset(), 0)
@@ -161,7 +153,7 @@ class Guarded:
         if self._search is not None:
             self._go_on()
         if self._in_doubt or self._astray or self._state is Status.LOST:
-            self._compare(self._past[-1])
+            self._compare(self._past[-1], self._doubted == self._k)
         else:
             self._rivalry.end()
         return self._published(estimate, ratio)
@@ -171,11 +163,9 @@ class Guarded:
         """True while it may be that not wheels that slip, but wrong readings, were explained by them."""
         return self._k - self._doubted < self._found
 
-    def _compare(self, reading: Reading) -> None:
+    def _compare(self, reading: Reading, doubted: bool) -> None:
         """Run an estimator that has begun anew, and go on with it where it is the better one."""
-        verdict, better = self._rivalry.judge(
-            reading, self._now, self._out, lost=self._astray, failed=self._doubted == self._k
-        )
+        verdict, better = self._rivalry.judge(reading, self._now, self._out, lost=self._astray, failed=doubted)
         if better is not None:
             self._replace(better, anew=True)
             self._snapshots, self._search, self._quiet = [], None, 0
@@ -227,6 +217,10 @@ class Guarded:
             if self._k >= self._next_attempt:
                 self._alarmed(frozenset(), "the estimator's own tests", -1)
             return
+        if self._state is Status.LOST and self._unexplained < 0:
+            self._unexplained = self._k
+        if self._recovery is not None and self._is_impatient and Status.LOST in (estimate.status, self._state):
+            self._lose()  # it refuses its readings since an alarm, or since it has begun again
         self._now.witness.clear()
         self._quiet, self._snapshots, self._search = 0, [], None
         if not is_plausible(estimate) and estimate.status is Status.OK:
@@ -242,18 +236,14 @@ class Guarded:
         witness = self._now.witness
         windows, due = witness.windows, self._k % self._between == 0 or not self._snapshots
         noisy, suspicious = windows.kappa > windows.declared, witness.suspicious
-        if (
-            self._state is Status.OK
-            and self._begun
-            and not (due or noisy or suspicious or self._out or self._unexplained >= 0)
-        ):
-            return  # nothing changes
+        changes = due or noisy or suspicious or self._out or self._unexplained >= 0
+        if self._state is Status.OK and self._begun and not changes:
+            return
         if not self._begun and self._quiet >= self._settled:  # what the start was wrong by is no evidence any more
             self._begun, self._snapshots = True, []
             self._now.witness.clear()
             due = True
-        if self._quiet >= self._retried:
-            self._unexplained = -1
+        self._unexplained = -1 if self._quiet >= self._retried else self._unexplained
         needed = self._found if self._state is Status.LOST else self._settled
         if self._out:
             self._readmit()
@@ -269,7 +259,7 @@ class Guarded:
         if self._state is not Status.LOST and due and self._now.estimate is not None:
             kept = self._k - self._updates(_MEMORY)
             self._snapshots = [each for each in self._snapshots if each.k >= kept]
-            self._snapshots.append(Snapshot(self._k, self._now.copy(), self._out))
+            self._snapshots.append(Start(self._k, self._now.copy(), self._out))
         if suspicious and self._begun and self._k >= self._next_suspicion and self._search is None:
             self._ask(Question(self._out, frozenset(), min(1, self._most_out), strict=True))
 
@@ -324,13 +314,14 @@ class Guarded:
         named = f"{what} of {self._now.witness.names[channel]}" if channel >= 0 else what
         self._message = f"disagrees with its readings: {named}"
         self._unexplained = self._k if self._unexplained < 0 else self._unexplained
-        impatient = self._k - self._unexplained >= self._updates(_PATIENCE)
-        if not self._begun and not impatient:  # the covariance of a start may be wrong for a moment: test from now on
+        if (
+            not self._begun and not self._is_impatient
+        ):  # the covariance of a start may be wrong for a moment: test from now on
             self._now.witness.clear()
             self._snapshots = []
             return
         self._next_attempt = self._k + self._retried
-        self._ask(Question(self._out, stuck, self._most_out, noise=impatient))
+        self._ask(Question(self._out, stuck, self._most_out, noise=self._is_impatient))
 
     def _ask(self, question: Question) -> None:
         """Begin a search from a copy that is older than the fault, and from the oldest."""
@@ -338,7 +329,7 @@ class Guarded:
         known = [each for each in self._snapshots if self._k - each.k <= len(past)]  # whose readings since are kept
         old = [each for each in known if self._k - each.k >= self._updates(_OLD)]
         chosen = {each.k: each for each in [*old[-1:], *known[:1]]}.values()
-        starts = [Start(each.k, each.copy, each.out, past[len(past) - (self._k - each.k) :]) for each in chosen]
+        starts = [replace(each, past=past[len(past) - (self._k - each.k) :]) for each in chosen]
         self._later, self._asked = [], question
         self._search = search(starts, self._later, question, self._restart)
 
@@ -356,9 +347,7 @@ class Guarded:
                 self._next_suspicion = self._k + self._suspected
                 self._suspected = min(2 * self._suspected, self._updates(_UNSUSPECTED))
             elif self._asked.noise:
-                self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
-                self._astray = True
-                self._now.witness.clear()
+                self._lose()
             else:
                 self._next_attempt = self._k
 
@@ -380,6 +369,17 @@ class Guarded:
         else:
             self._message = f"finds {np.sqrt(self._windows.excess):.1f} times the declared noise"
             self._snapshots = []
+
+    @property
+    def _is_impatient(self) -> bool:
+        """True where an alarm has not been explained for too long."""
+        return 0 <= self._unexplained <= self._k - self._updates(_PATIENCE)
+
+    def _lose(self) -> None:
+        """Nothing explains the alarm: the estimate is lost."""
+        self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
+        self._astray = True
+        self._now.witness.clear()
 
     def _left_out(self) -> str:
         return "leaves out " + ", ".join(self._now.witness.names[i] for i in sorted(self._out))

@@ -402,3 +402,22 @@ def test_a_search_that_takes_long_is_given_up_once_nothing_alarms() -> None:
         words.append(guard.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u).status)
     assert words[FIRST + 40] is Status.DEGRADED
     assert set(words[-50:]) == {Status.OK}
+
+
+def test_a_filter_that_refuses_its_readings_since_an_alarm_begins_again() -> None:
+    """One that calls itself lost then is not waited for."""
+    plugin, drive = load("estimators", "moving_horizon"), driven(5, kidnapped=True)
+    mission = mn.RangingMission(
+        WALL, ANGLES, mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY), period=PERIOD,
+        start=mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)),
+    )  # fmt: skip
+    estimator, own = plugin.build(plugin.Config(), mission), set[Status]()
+    for k, (z, u) in enumerate(zip(drive.ranges, drive.odometry, strict=True)):
+        t = PERIOD * (k + 1)
+        found = estimator.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u)
+        own.add(found.status)
+        if k > FIRST + 50 and found.status is Status.OK:
+            break
+    assert Status.LOST in own
+    assert found.status is Status.OK
+    assert np.hypot(*(found.x - drive.x[k])[:2]) < 0.05

@@ -148,7 +148,7 @@ class Guarded:
                 self._alarmed(frozenset(stuck) - self._out, _WORDS.get(test, "a reading"), channel)
             else:
                 self._calm()
-            if self._now.witness.suspicious:
+            if self._now.witness.doubtful:
                 self._doubted = self._k
         if self._search is not None:
             self._go_on()

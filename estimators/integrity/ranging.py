@@ -57,7 +57,7 @@ class PoseWitness:
         self.names = (*(f"ray {i}" for i in range(self._rays)), "odometry")
         self.rebuilt = frozenset({self._rays})
         self._mission = mission
-        self.strict, self._strict, self._odometry = False, 0.0, 0.0
+        self.strict, self._strict, self._doubt, self._odometry = False, 0.0, 0.0, 0.0
         thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
         self._outliers = model.outliers  # each of which counts as at most the clipped square
         self._outliers_found = math.nan
@@ -88,7 +88,7 @@ class PoseWitness:
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
     ) -> Worst:
         P = after.covariance
-        self._strict = self._odometry = 0.0
+        self._strict = self._doubt = self._odometry = 0.0
         if P is None:
             return self._worst
         begins = self._k % self._every == 0
@@ -97,7 +97,7 @@ class PoseWitness:
         else:
             windows, (rho, u) = self.windows, self._newest(measurements)
             sigma, slip = self._found(before) if "noise" in before.extra else (1.0, 0.0)
-            ratio, test, channel, self._most, self._odometry, recent, self._strict = observe(
+            ratio, test, channel, self._most, self._odometry, recent, self._strict, self._doubt = observe(
                 *self._fixed, windows.sums, self._branches, self._repeats, self._responses, self._since, self._level,
                 windows.k, windows.kappa, sigma, slip, before.x, before.covariance, after.x, P, after.t - before.t,
                 rho, u, command, used, begins or self._k % self._responds == 0,
@@ -116,6 +116,10 @@ class PoseWitness:
     @property
     def suspicious(self) -> bool:
         return self._strict > 1.0
+
+    @property
+    def doubtful(self) -> bool:
+        return self._doubt > 1.0
 
     @property
     def protection(self) -> Array:
@@ -186,7 +190,7 @@ class PoseWitness:
     def clear(self) -> None:
         self.windows.clear()
         self._branches[:, AGE], self._since[:] = -1.0, 0.0
-        self._strict = self._odometry = 0.0
+        self._strict = self._doubt = self._odometry = 0.0
         self._worst = QUIET
 
     def copy(self) -> PoseWitness:

@@ -43,6 +43,10 @@ class Witness(Protocol):
     def suspicious(self) -> bool:
         """True if a strict test of the last update has failed."""
 
+    @property
+    def doubtful(self) -> bool:
+        """True if it has failed by more than what the estimate itself may be off by."""
+
     def stuck(self) -> list[int]:
         """Channels whose reading stays while what they should read moves."""
 

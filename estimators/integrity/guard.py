@@ -15,8 +15,10 @@ that they take about a fifth of the period.
 A channel that is left out is used again once its own tests have passed for 2 s, and each further time for twice as
 long. The status of the estimator itself is never improved upon.
 
-An estimator that puts a fault down to something else, as one does that finds the slip of wheels where a ray drifts, is
-OK. Where tests fail that are strict about that, the last seconds are searched for a ray without which they do not.
+An estimator that puts a fault down to something else, as one does that finds the slip of wheels where a ray drifts,
+fails none of these tests. Where tests fail that are strict about that, the last seconds are searched for a ray without
+which they do not. Wheels that slip more than declared and several readings that are wrong look the same: for 5 s the
+word is DEGRADED, and an estimator that begins anew is run along (``rival``), as it is for one that is lost.
 
 ``extra["protection"]`` is what the error of the estimate is within while a fault has not been found yet, if one channel
 is at fault (``pose_protection``).
@@ -25,12 +27,13 @@ is at fault (``pose_protection``).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mathnavi.estimators.integrity.isolation import Explanation, Question, Reading, Replay, Search, Start, search
+from mathnavi.estimators.integrity.rival import Rivalry, Verdict
 from mathnavi.estimators.integrity.windows import ENERGY, IMPOSSIBLE, JOINT, MEAN, RECKONED, Windows
 from mathnavi.estimators.integrity.witness import Recovery, Restart, Witness, is_plausible
 from mathnavi.estimators.timeout_monitor import worst
@@ -49,15 +52,8 @@ _SUSPECTED, _UNSUSPECTED = 1.0, 30.0  # [s] between two searches for what strict
 _SHARE = 0.2  # of the period that replays may take
 COST = 1.5e-4
 """[s] of an update that is run again, on a common computer"""
+_DOUBT = "finds that its wheels slip more than declared, unless several of its readings are wrong"
 _WORDS = {MEAN: "its mean", ENERGY: "its spread", JOINT: "all readings together", RECKONED: "dead reckoning"}
-
-
-class Snapshot(NamedTuple):
-    """Copy of estimator and witness after update k, and the channels that were left out."""
-
-    k: int
-    copy: Replay
-    out: frozenset[int]
 
 
 class Guarded:
@@ -77,6 +73,7 @@ class Guarded:
         trusted: bool = True,
         most_out: int = 2,
         cost: float = COST,
+        rival: Callable[[], Estimator] | None = None,
     ) -> None:
         """Attach the monitor to an estimator.
 
@@ -89,6 +86,7 @@ class Guarded:
                 2 s before.
             most_out: number of channels that may be left out together; 0 where none can be spared.
             cost: time [s] of an update that is run again.
+            rival: maker of an estimator that finds its state by itself, to compare with; None for no such.
         """
         self.period = estimator.period
         self._now, self._recovery, self._restart = Replay(estimator, witness), recovery, restart
@@ -98,14 +96,15 @@ class Guarded:
         self._none_out = np.zeros(self._channels)
         self._none_out.flags.writeable = False
         self._most_out = max(0, min(most_out, self._channels - 1 - len(witness.rebuilt)))
-        self._state, self._message = Status.OK if trusted else Status.INITIALISING, ""
+        self._first = Status.OK if trusted else Status.INITIALISING  # word of one that has found its state at first
+        self._state, self._message = self._first, ""
         self._begun = False  # whether the estimator was OK for long enough yet
         self._out: frozenset[int] = frozenset()
         self._astray = False  # True for an estimator that has to begin again
         self._k = self._quiet = 0
         self._next_attempt, self._unexplained = 0, -1
         self._past: deque[Reading] = deque(maxlen=self._updates(_MEMORY) + 1)
-        self._snapshots: list[Snapshot] = []
+        self._snapshots: list[Start] = []
         self._search: Search | None = None
         self._later: list[Reading] = []  # readings since it began
         self._asked = Question(frozenset(), frozenset(), 0)
@@ -113,6 +112,8 @@ class Guarded:
         self._next_suspicion, self._suspected = 0, self._updates(_SUSPECTED)
         self._settled, self._found, self._retried = map(self._updates, (_SETTLED, _FOUND, _RETRIED))
         self._between = self._updates(_SNAPSHOT)
+        self._rivalry = Rivalry(rival, self._settled, self._retried)
+        self._doubted = -self._found  # the last update in which a strict test failed
         self._passed = np.zeros(len(witness.names), dtype=np.int64)  # updates for which a channel has passed its tests
         self._wait = np.full(len(witness.names), self._updates(_READMITTED))
 
@@ -147,9 +148,32 @@ class Guarded:
                 self._alarmed(frozenset(stuck) - self._out, _WORDS.get(test, "a reading"), channel)
             else:
                 self._calm()
+            if self._now.witness.doubtful:
+                self._doubted = self._k
         if self._search is not None:
             self._go_on()
+        if self._in_doubt or self._astray or self._state is Status.LOST:
+            self._compare(self._past[-1], self._doubted == self._k)
+        else:
+            self._rivalry.end()
         return self._published(estimate, ratio)
+
+    @property
+    def _in_doubt(self) -> bool:
+        """True while it may be that not wheels that slip, but wrong readings, were explained by them."""
+        return self._k - self._doubted < self._found
+
+    def _compare(self, reading: Reading, doubted: bool) -> None:
+        """Run an estimator that has begun anew, and go on with it where it is the better one."""
+        verdict, better = self._rivalry.judge(reading, self._now, self._out, lost=self._astray, failed=doubted)
+        if better is not None:
+            self._replace(better, anew=True)
+            self._snapshots, self._search, self._quiet = [], None, 0
+            if self._state is Status.INITIALISING and not self._begun:
+                self._state, self._message = self._first, ""
+            self._astray, self._unexplained = False, -1
+        elif verdict is Verdict.AGREES:
+            self._astray = False
 
     def _updates(self, seconds: float) -> int:
         return max(1, round(seconds / self.period))
@@ -172,6 +196,8 @@ class Guarded:
         if self._state is not Status.OK:
             status, message, excess = worst(status, self._state), self._message or message, self._windows.excess
             P = P if P is None or excess <= 1.0 else excess * P
+        elif self._in_doubt:
+            status, message = worst(status, Status.DEGRADED), message or _DOUBT
         return Estimate(estimate.t, estimate.x, P, status, extra, message)
 
     def _replace(self, replay: Replay, *, anew: bool) -> None:
@@ -191,6 +217,10 @@ class Guarded:
             if self._k >= self._next_attempt:
                 self._alarmed(frozenset(), "the estimator's own tests", -1)
             return
+        if self._state is Status.LOST and self._unexplained < 0:
+            self._unexplained = self._k
+        if self._recovery is not None and self._is_impatient and Status.LOST in (estimate.status, self._state):
+            self._lose()  # it refuses its readings since an alarm, or since it has begun again
         self._now.witness.clear()
         self._quiet, self._snapshots, self._search = 0, [], None
         if not is_plausible(estimate) and estimate.status is Status.OK:
@@ -200,22 +230,20 @@ class Guarded:
         """Count an update without an alarm: settle, readmit channels, keep a copy."""
         self._quiet += 1
         if self._search is not None and not self._asked.strict:
-            return  # nothing is decided yet
+            if self._quiet < self._found:
+                return  # nothing is decided yet
+            self._search = None  # what has passed meanwhile need not be explained any more
         witness = self._now.witness
         windows, due = witness.windows, self._k % self._between == 0 or not self._snapshots
         noisy, suspicious = windows.kappa > windows.declared, witness.suspicious
-        if (
-            self._state is Status.OK
-            and self._begun
-            and not (due or noisy or suspicious or self._out or self._unexplained >= 0)
-        ):
-            return  # nothing changes
+        changes = due or noisy or suspicious or self._out or self._unexplained >= 0
+        if self._state is Status.OK and self._begun and not changes:
+            return
         if not self._begun and self._quiet >= self._settled:  # what the start was wrong by is no evidence any more
             self._begun, self._snapshots = True, []
             self._now.witness.clear()
             due = True
-        if self._quiet >= self._retried:
-            self._unexplained = -1
+        self._unexplained = -1 if self._quiet >= self._retried else self._unexplained
         needed = self._found if self._state is Status.LOST else self._settled
         if self._out:
             self._readmit()
@@ -223,6 +251,7 @@ class Guarded:
             squares, count = windows.joint(self._settled)
             if count and squares < 1.5 * windows.declared * count:
                 windows.kappa, noisy, self._quiet = windows.declared, False, 0
+                windows.clear()  # what was read with more noise is no evidence any more
         if self._quiet >= needed and not self._out and not noisy:
             self._state, self._message, self._astray = Status.OK, "", False
         elif self._quiet >= needed and self._state is not Status.INITIALISING:
@@ -230,7 +259,7 @@ class Guarded:
         if self._state is not Status.LOST and due and self._now.estimate is not None:
             kept = self._k - self._updates(_MEMORY)
             self._snapshots = [each for each in self._snapshots if each.k >= kept]
-            self._snapshots.append(Snapshot(self._k, self._now.copy(), self._out))
+            self._snapshots.append(Start(self._k, self._now.copy(), self._out))
         if suspicious and self._begun and self._k >= self._next_suspicion and self._search is None:
             self._ask(Question(self._out, frozenset(), min(1, self._most_out), strict=True))
 
@@ -268,6 +297,7 @@ class Guarded:
             self._message = self._message or "looks for its state by other means"
             return
         if self._state is Status.LOST:
+            self._astray = self._rivalry.exists
             return
         if self._search is not None and self._asked.strict:
             self._search = None
@@ -275,6 +305,7 @@ class Guarded:
             return
         if not self._begun and self._recovery is None:  # it has not found its state yet: by itself it will
             self._state, self._message = Status.INITIALISING, "waits until its readings agree with it"
+            self._astray = self._rivalry.exists
             self._now.witness.clear()
             self._snapshots = []
             return
@@ -283,13 +314,14 @@ class Guarded:
         named = f"{what} of {self._now.witness.names[channel]}" if channel >= 0 else what
         self._message = f"disagrees with its readings: {named}"
         self._unexplained = self._k if self._unexplained < 0 else self._unexplained
-        impatient = self._k - self._unexplained >= self._updates(_PATIENCE)
-        if not self._begun and not impatient:  # the covariance of a start may be wrong for a moment: test from now on
+        if (
+            not self._begun and not self._is_impatient
+        ):  # the covariance of a start may be wrong for a moment: test from now on
             self._now.witness.clear()
             self._snapshots = []
             return
         self._next_attempt = self._k + self._retried
-        self._ask(Question(self._out, stuck, self._most_out, noise=impatient))
+        self._ask(Question(self._out, stuck, self._most_out, noise=self._is_impatient))
 
     def _ask(self, question: Question) -> None:
         """Begin a search from a copy that is older than the fault, and from the oldest."""
@@ -297,7 +329,7 @@ class Guarded:
         known = [each for each in self._snapshots if self._k - each.k <= len(past)]  # whose readings since are kept
         old = [each for each in known if self._k - each.k >= self._updates(_OLD)]
         chosen = {each.k: each for each in [*old[-1:], *known[:1]]}.values()
-        starts = [Start(each.k, each.copy, each.out, past[len(past) - (self._k - each.k) :]) for each in chosen]
+        starts = [replace(each, past=past[len(past) - (self._k - each.k) :]) for each in chosen]
         self._later, self._asked = [], question
         self._search = search(starts, self._later, question, self._restart)
 
@@ -315,9 +347,7 @@ class Guarded:
                 self._next_suspicion = self._k + self._suspected
                 self._suspected = min(2 * self._suspected, self._updates(_UNSUSPECTED))
             elif self._asked.noise:
-                self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
-                self._astray = True
-                self._now.witness.clear()
+                self._lose()
             else:
                 self._next_attempt = self._k
 
@@ -339,6 +369,17 @@ class Guarded:
         else:
             self._message = f"finds {np.sqrt(self._windows.excess):.1f} times the declared noise"
             self._snapshots = []
+
+    @property
+    def _is_impatient(self) -> bool:
+        """True where an alarm has not been explained for too long."""
+        return 0 <= self._unexplained <= self._k - self._updates(_PATIENCE)
+
+    def _lose(self) -> None:
+        """Nothing explains the alarm: the estimate is lost."""
+        self._state, self._snapshots, self._out, self._unexplained = Status.LOST, [], frozenset(), -1
+        self._astray = True
+        self._now.witness.clear()
 
     def _left_out(self) -> str:
         return "leaves out " + ", ".join(self._now.witness.names[i] for i in sorted(self._out))

@@ -67,12 +67,12 @@ class Replay:
 
 @dataclass(frozen=True)
 class Start:
-    """An estimator from before a fault, after update k, the channels left out then, and the readings since."""
+    """A copy of an estimator after update k, the channels left out then, and the readings since."""
 
     k: int
     replay: Replay
     out: frozenset[int]
-    past: Sequence[Reading]
+    past: Sequence[Reading] = ()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,9 @@ degrees of freedom: an upper bound of the exact covariance, that of the sum of t
 follows: a fault that it has absorbed, and odometry that is wrong.
 
 Wheels that slip are within P_branch where an estimator has found that they do. A ray that drifts looks like that to a
-filter with two others; so dead reckoning is also tested as if they did not, strictly.
+filter with two others; so dead reckoning is also tested as if they did not, strictly. While wheels are taken to slip an
+estimate is worse than theirs that do not: what is beyond d' (P_branch + P_k)^-1 d too can be no such error, and is a
+reason to doubt the estimate.
 
 **Odometry that is left out** has the variance W' of a robot that moves anyhow in the predictions. Branches are moved by
 what it reads, as declared; their d is then tested by d' (P_branch + P_k)^-1 d, for the estimate does not follow them: a
@@ -96,7 +98,7 @@ def observe(
     command: Array,
     used: Flags,
     responds: bool,
-) -> tuple[float, int, int, int, float, float, float]:
+) -> tuple[float, int, int, int, float, float, float, float]:
     """Take an update of an estimator from x (3,), P (3, 3) to those ``after`` it, dt [s] later.
 
     It reads ranges rho (l,) and odometry (2,), both NaN for none; the ``command`` (2,) takes the place of odometry.
@@ -108,7 +110,7 @@ def observe(
     Writes the protection ``level`` (6,): the errors [m], [rad] that a fault may have caused, three standard deviations,
     and both together. Returns the worst statistic over its threshold, its test and its channel, the largest number of
     repeated readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, over all windows
-    and over those but the longest, and the strict one.
+    and over those but the longest, the strict one, and that of a doubt.
     """
     rays = len(angles)
     reckons = is_within(odometry, constants[FASTEST : TURNING + 1])
@@ -131,15 +133,15 @@ def observe(
     most = _note_repeats(repeats, rho, expected)
     note_motion(since, one[0, 0] - x[0], one[0, 1] - x[1], one[0, 2], dt, e)
     if not is_possible(x_after, P_after):
-        return math.inf, IMPOSSIBLE, -1, most, 0.0, 0.0, 0.0
+        return math.inf, IMPOSSIBLE, -1, most, 0.0, 0.0, 0.0, 0.0
     ratio, test, channel = worst_of(sums, k + 1, used[:rays], lengths, kappa, constants[Z], energy)
-    own = recent = strict = 0.0
+    own = recent = strict = doubted = 0.0
     if reckons:
-        dead, short, strict = reckoned(
+        dead, short, strict, doubted = reckoned(
             branches, lengths[len(lengths) > 1 :], x_after, P_after, u, constants, slip, dt, spared
         )
         least = kappa * energy[3]
-        dead, short, strict = dead / least, short / least, strict / least
+        dead, short, strict, doubted = dead / least, short / least, strict / least, doubted / least
         if spared:
             own, recent = dead, short
         elif dead > ratio:
@@ -164,7 +166,7 @@ def observe(
         level[0], level[1] = position, heading
     level[2], level[3] = deviations(P_after)
     level[4], level[5] = level[0] + level[2], level[1] + level[3]
-    return ratio, test, channel, most, own, recent, strict
+    return ratio, test, channel, most, own, recent, strict, doubted
 
 
 @njit(cache=True, nogil=True)
@@ -285,12 +287,12 @@ def reckoned(
     slip: float,
     dt: float,
     spared: bool,
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Move the branches over dt [s], and return the largest d' P^-1 d of those whose age is one of ``lengths``: over
-    all, over those but the longest, and as if no wheel had slipped. ``spared``: the estimate x (3,), P (3, 3) was made
-    without the odometry.
+    all, over those but the longest, as if no wheel had slipped, and so with the covariance of the estimate added.
+    ``spared``: the estimate x (3,), P (3, 3) was made without the odometry.
     """
-    worst, short, strict, scale = 0.0, 0.0, 0.0, constants[SCALE] * constants[SCALE]
+    worst, short, strict, doubted, scale = 0.0, 0.0, 0.0, 0.0, constants[SCALE] * constants[SCALE]
     S, d = np.empty((3, 3)), np.empty(3)
     for n in range(len(branches)):
         branch = branches[n]
@@ -318,10 +320,16 @@ def reckoned(
                     if length < lengths[-1]:
                         short = max(short, value)
                 else:
-                    strict = max(strict, square(S, d))
+                    value = square(S, d)
+                    strict = max(strict, value)
+                    if value > doubted:
+                        for i in range(3):
+                            for j in range(3):
+                                S[i, j] += P[i, j] * (not spared)
+                        doubted = max(doubted, square(S, d))
         if branch[AGE] >= lengths[-1]:
             branch[AGE] = -1.0
-    return worst, short, strict
+    return worst, short, strict, doubted
 
 
 @njit(cache=True, nogil=True)

@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.guard import COST, Guarded
 from mathnavi.estimators.integrity.pose_kernels import AGE, begin_branch, no_branches, no_repeats, observe
-from mathnavi.estimators.integrity.pose_protection import ALERT, no_responses, nothing_since
+from mathnavi.estimators.integrity.pose_protection import ALERT, no_responses, nothing_since, square
 from mathnavi.estimators.integrity.windows import (
     CLIP,
     IMPOSSIBLE,
@@ -42,6 +43,7 @@ _FINDS_A_POSE = 2  # rays that contradict a wrong pose in a short time; one fits
 _WITHOUT_ODOMETRY = 3  # rays that find a pose by themselves
 _NOISIER, _ANYHOW = 10.0, 0.2  # times the declared deviation, and of the greatest speeds: odometry that is left out
 _SUREST = 1e-6  # [m, rad] of a start
+_ALIKE = float(chdtri(3, 1e-3))  # d' P^-1 d of two estimates of the same pose at most
 
 Build = Callable[[RangingMission], Any]
 
@@ -54,7 +56,8 @@ class PoseWitness:
         self._rays, self._range_variance = len(model.angles), model.range_variance
         self.names = (*(f"ray {i}" for i in range(self._rays)), "odometry")
         self.rebuilt = frozenset({self._rays})
-        self.strict, self._strict, self._odometry = False, 0.0, 0.0
+        self._mission = mission
+        self.strict, self._strict, self._doubt, self._odometry = False, 0.0, 0.0, 0.0
         thresholds = Thresholds.of(self._rays, mission.period, _WINDOWS, further=1)
         self._outliers = model.outliers  # each of which counts as at most the clipped square
         self._outliers_found = math.nan
@@ -85,7 +88,7 @@ class PoseWitness:
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
     ) -> Worst:
         P = after.covariance
-        self._strict = self._odometry = 0.0
+        self._strict = self._doubt = self._odometry = 0.0
         if P is None:
             return self._worst
         begins = self._k % self._every == 0
@@ -94,7 +97,7 @@ class PoseWitness:
         else:
             windows, (rho, u) = self.windows, self._newest(measurements)
             sigma, slip = self._found(before) if "noise" in before.extra else (1.0, 0.0)
-            ratio, test, channel, self._most, self._odometry, recent, self._strict = observe(
+            ratio, test, channel, self._most, self._odometry, recent, self._strict, self._doubt = observe(
                 *self._fixed, windows.sums, self._branches, self._repeats, self._responses, self._since, self._level,
                 windows.k, windows.kappa, sigma, slip, before.x, before.covariance, after.x, P, after.t - before.t,
                 rho, u, command, used, begins or self._k % self._responds == 0,
@@ -113,6 +116,10 @@ class PoseWitness:
     @property
     def suspicious(self) -> bool:
         return self._strict > 1.0
+
+    @property
+    def doubtful(self) -> bool:
+        return self._doubt > 1.0
 
     @property
     def protection(self) -> Array:
@@ -174,10 +181,16 @@ class PoseWitness:
             return measurements
         return tuple(_without(each, rays) if each.name == RANGES else each for each in measurements)
 
+    def agree(self, one: Estimate, other: Estimate) -> bool:
+        assert one.covariance is not None
+        assert other.covariance is not None
+        d = self._mission.difference(one.x[:3], other.x[:3])
+        return square(one.covariance[:3, :3] + other.covariance[:3, :3], d) < _ALIKE
+
     def clear(self) -> None:
         self.windows.clear()
         self._branches[:, AGE], self._since[:] = -1.0, 0.0
-        self._strict = self._odometry = 0.0
+        self._strict = self._doubt = self._odometry = 0.0
         self._worst = QUIET
 
     def copy(self) -> PoseWitness:
@@ -275,4 +288,5 @@ def guarded(
         build(mission), PoseWitness(mission), most_out=min(most_out, spare), trusted=by_itself or starts,
         recovery=None if finder is None else Relocation(mission, build, finder),
         restart=Restarts(mission, build, stand_in), cost=cost,
+        rival=partial(build, dataclasses.replace(mission, start=None)) if by_itself and stand_in is None else None,
     )  # fmt: skip

@@ -43,6 +43,10 @@ class Witness(Protocol):
     def suspicious(self) -> bool:
         """True if a strict test of the last update has failed."""
 
+    @property
+    def doubtful(self) -> bool:
+        """True if it has failed by more than what the estimate itself may be off by."""
+
     def stuck(self) -> list[int]:
         """Channels whose reading stays while what they should read moves."""
 
@@ -57,6 +61,9 @@ class Witness(Protocol):
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         """The readings without some channels."""
+
+    def agree(self, one: Estimate, other: Estimate) -> bool:
+        """True if two estimates with covariances are of the same state, within their errors."""
 
     def clear(self) -> None:
         """Forget what was taken."""

@@ -88,7 +88,7 @@ def _shifts(mission: RangingMission, updates: Sequence[Update]) -> tuple[Array, 
             shift[k] = np.where(signs == 0.0, 1.0, signs) * np.sqrt(news[rays : 2 * rays])
             u = next((each.value for each in measurements if each.name == "odometry"), command)
             if np.isfinite(u).all():
-                squares[k], _, _ = reckoned(
+                squares[k], _, _, _ = reckoned(
                     branches, lengths[1:], estimate.x, estimate.covariance, u, witness.constants, 0.0, mission.period,
                     False,
                 )  # fmt: skip

@@ -351,3 +351,73 @@ def two_rays(seed: int, scale: float = 0.0) -> list[tuple[Array, Estimate]]:
 @pytest.mark.parametrize(("seed", "scale"), [(35, 0.0), (47, 0.02)])
 def test_of_two_rays_none_is_left_out_while_the_pose_itself_may_be_another(seed: int, scale: float) -> None:
     assert not any(estimate.extra["left_out"].any() for _, estimate in two_rays(seed, scale))
+
+
+def test_noise_that_was_larger_is_no_evidence_once_it_is_as_declared() -> None:
+    drive, rng = driven(20), np.random.default_rng(20)
+    drive.ranges[FIRST:LAST] += 2.0 * NOISE * rng.standard_normal((LAST - FIRST, len(ANGLES)))
+    found = estimates(RangeEkf, drive)
+    assert "times the declared noise" in found[LAST - 1].message
+    assert Status.LOST not in {each.status for each in found}
+    assert all(each.status is Status.OK for each in found[LAST + round(4.5 / PERIOD) :])
+
+
+def test_what_wheels_that_slip_explain_alone_is_not_ok() -> None:
+    """Ranges that are late turn the pose; after a turn the other way round, the bank takes that for slip."""
+    drive = driven(20)
+    true = np.array([WALL.ranges(x, ANGLES)[0] for x in drive.x])
+    drive.ranges[FIRST:LAST] += true[FIRST - 3 : LAST - 3] - true[FIRST:LAST]
+    found = estimates(FeasibleSetBank, drive, known=False)
+    doubted = next(k for k, each in enumerate(found) if "its wheels slip" in each.message)
+    assert doubted < LAST
+    assert {each.status for each in found[doubted : doubted + round(5.0 / PERIOD)]} == {Status.DEGRADED}
+    assert found[-1].status is Status.OK
+
+
+@pytest.mark.parametrize(("seed", "found_again"), [(24, False), (25, True)])
+def test_where_two_rays_of_three_are_stuck_no_pose_is_sure_and_a_rival_finds_it_again(
+    seed: int, found_again: bool
+) -> None:
+    drive = driven(seed)
+    for ray in np.random.default_rng(seed).permutation(3)[:2]:
+        drive.ranges[FIRST:LAST, ray] = drive.ranges[FIRST, ray]
+    found = estimates(FeasibleSetBank, drive, known=False)
+    assert sure_and_wrong(found, drive) == 0.0
+    if found_again:
+        assert found[-1].status is Status.OK
+        assert np.hypot(*(found[-1].x - drive.x[-1])[:2]) < 0.05
+
+
+def test_a_search_that_takes_long_is_given_up_once_nothing_alarms() -> None:
+    drive, rng = driven(3), np.random.default_rng(3)
+    during = slice(FIRST, FIRST + 40)
+    drive.ranges[during] += 4.0 * NOISE * rng.standard_normal((40, len(ANGLES)))
+    mission = mn.RangingMission(
+        WALL, ANGLES, mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY), period=PERIOD,
+        start=mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)),
+    )  # fmt: skip
+    guard, words = guarded(partial(RangeEkf, RangeEkf.Config()), mission, cost=PERIOD), list[Status]()
+    for k, (z, u) in enumerate(zip(drive.ranges, drive.odometry, strict=True)):
+        t = PERIOD * (k + 1)
+        words.append(guard.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u).status)
+    assert words[FIRST + 40] is Status.DEGRADED
+    assert set(words[-50:]) == {Status.OK}
+
+
+def test_a_filter_that_refuses_its_readings_since_an_alarm_begins_again() -> None:
+    """One that calls itself lost then is not waited for."""
+    plugin, drive = load("estimators", "moving_horizon"), driven(5, kidnapped=True)
+    mission = mn.RangingMission(
+        WALL, ANGLES, mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY), period=PERIOD,
+        start=mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)),
+    )  # fmt: skip
+    estimator, own = plugin.build(plugin.Config(), mission), set[Status]()
+    for k, (z, u) in enumerate(zip(drive.ranges, drive.odometry, strict=True)):
+        t = PERIOD * (k + 1)
+        found = estimator.update(t, (mn.Measurement("ranges", t, z), mn.Measurement("odometry", t, u)), u)
+        own.add(found.status)
+        if k > FIRST + 50 and found.status is Status.OK:
+            break
+    assert Status.LOST in own
+    assert found.status is Status.OK
+    assert np.hypot(*(found.x - drive.x[k])[:2]) < 0.05

@@ -314,9 +314,7 @@ class Guarded:
         named = f"{what} of {self._now.witness.names[channel]}" if channel >= 0 else what
         self._message = f"disagrees with its readings: {named}"
         self._unexplained = self._k if self._unexplained < 0 else self._unexplained
-        if (
-            not self._begun and not self._is_impatient
-        ):  # the covariance of a start may be wrong for a moment: test from now on
+        if not (self._begun or self._is_impatient):  # the covariance of a start may be wrong for a moment: test anew
             self._now.witness.clear()
             self._snapshots = []
             return

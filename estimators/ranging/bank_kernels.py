@@ -57,10 +57,12 @@ from mathnavi.estimators.ranging.kalman_kernels import (
 )
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
 from mathnavi.estimators.ranging.reading_kernels import is_within, select_ranges
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls
 from mathnavi.interfaces.compiled import Signature, njit
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
+from mathnavi.models.field.polygon_kernels import is_polygonal
 from mathnavi.models.unicycle.kernels import wrapped
 
 LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
@@ -177,7 +179,10 @@ def condition_each(
         if math.isnan(score[k]):
             continue
         b, P_44 = bank.x[k, 3], bank.P[k, 3, 3]
-        likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)
+        if is_polygonal(wall[0]):
+            likelihood, nis, rays = condition_among_walls(bank.x[k], bank.P[k], z, wall, true, innovations)
+        else:
+            likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)
         _learn_scale(bank.scale[k], b, P_44, bank.x[k, 3], bank.P[k, 3, 3])
         score[k] = scoring.forgetting * score[k] + likelihood
         if rays > 0:

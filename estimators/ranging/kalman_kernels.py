@@ -38,7 +38,8 @@ from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
 
-_GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it has no information
+GRAZING = 1e-3
+"""sine of the angle between a ray and the wall below which it has no information"""
 _HALVINGS = 30  # of a step that leads out of the wall
 _MOST_UNLIKELY = 50.0  # logarithm of the odds of an outlier beyond which it is one
 
@@ -144,7 +145,7 @@ def expected_range(
     t_x, t_y = curve_tangent(coefficients, s)
     e_x, e_y = math.cos(beta), math.sin(beta)
     across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y  # theta' in the axes of the ray
-    if across * across < _GRAZING**2 * (across * across + along * along):
+    if across * across < GRAZING**2 * (across * across + along * along):
         return math.nan, 0.0, 0.0
     H[0], H[1], H[2] = -t_y / across, t_x / across, h * along / across
     D[0], D[1], D[2] = -e_y / across, e_x / across, h / across

@@ -171,6 +171,9 @@ def condition_each(
     """
     score, misfit = bank.score, bank.misfit
     sigma, epsilon = noise_of(noise)
+    polygonal = is_polygonal(wall[0])
+    if polygonal:
+        sigma = max(sigma, 1.0)  # what the map is wrong by changes slowly, and does not show in the noise
     true = RaySensors(
         sensors.angles, sigma * sensors.relative, sigma * sensors.absolute, sensors.gate, epsilon, sensors.longest
     )
@@ -179,7 +182,7 @@ def condition_each(
         if math.isnan(score[k]):
             continue
         b, P_44 = bank.x[k, 3], bank.P[k, 3, 3]
-        if is_polygonal(wall[0]):
+        if polygonal:
             likelihood, nis, rays = condition_among_walls(bank.x[k], bank.P[k], z, wall, true, innovations)
         else:
             likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)

@@ -39,6 +39,7 @@ NODES = np.array([0.0, -1.355626179974266, 1.355626179974266, -2.856970013872806
 """x_j [standard deviations] of the Gauss-Hermite rule of five points"""
 WEIGHTS = np.array([8.0 / 15.0, 0.2220759220056126, 0.2220759220056126, 0.01125741132772069, 0.01125741132772069])
 """w_j"""
+PASSES = 2
 
 
 @njit(cache=True, nogil=True)
@@ -112,30 +113,45 @@ def condition_among_walls(
     """
     angles, relative, absolute, gate = sensors.angles, sensors.relative, sensors.absolute, sensors.gate
     likelihood, nis, read = 0.0, 0.0, 0
-    innovations.outliers[0] = 0
-    lines, weights, taken = np.empty((len(NODES), 4)), np.empty(len(NODES)), np.zeros(len(z), np.bool_)
-    for i in range(len(z)):
-        innovations.residual[i] = innovations.variance[i] = innovations.white[i] = innovations.share[i] = math.nan
-    predicted, Q, moved = x.copy(), P.copy(), np.zeros(4)
-    for is_last in range(2):
+    lines, weights, taken = np.empty((len(NODES), 4)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
+    prior, before, at, Q, moved = P.copy(), x.copy(), x.copy(), P.copy(), np.zeros(4)
+    for _ in range(PASSES):
+        likelihood, nis, read = 0.0, 0.0, 0
+        innovations.outliers[0] = 0
+        taken[:] = False
+        P[:] = prior
+        for j in range(4):
+            moved[j] = before[j] - at[j]
+        moved[2] = wrapped(moved[2])
         for i in range(len(z)):
-            if taken[i] or not z[i] > 0.0:
-                continue
-            count = walls_met(wall, predicted, Q, angles[i], relative, absolute, lines, weights)
-            if count == 0 or (count > 1 and not is_last):
-                continue
-            taken[i] = True
-            logarithm, nu, s, r, beta = _condition_on_one(moved, P, z[i], Q, sensors, lines[:count], weights[:count])
-            read += 1
-            nis += min(nu * nu / s, gate)
-            likelihood += logarithm
-            innovations.outliers[0] += beta < 0.5
-            innovations.residual[i], innovations.variance[i] = nu, r
-            innovations.white[i], innovations.share[i] = beta * nu / math.sqrt(s), r / s
-    step = step_within(wall, x[0], x[1], moved[0], moved[1])
-    for j in range(4):
-        x[j] += step * moved[j]
-    x[2] = wrapped(x[2])
+            innovations.residual[i] = innovations.variance[i] = math.nan
+            innovations.white[i] = innovations.share[i] = math.nan
+        for is_last in range(2):
+            for i in range(len(z)):
+                if taken[i] or not z[i] > 0.0:
+                    continue
+                count = walls_met(wall, at, Q, angles[i], relative, absolute, lines, weights)
+                if count == 0 or (count > 1 and not is_last):
+                    continue
+                taken[i] = True
+                logarithm, nu, s, r, beta = _condition_on_one(
+                    moved, P, z[i], Q, sensors, lines[:count], weights[:count]
+                )
+                read += 1
+                nis += min(nu * nu / s, gate)
+                likelihood += logarithm
+                innovations.outliers[0] += beta < 0.5
+                innovations.residual[i], innovations.variance[i] = nu, r
+                innovations.white[i], innovations.share[i] = beta * nu / math.sqrt(s), r / s
+        for j in range(4):
+            x[j] = at[j] + moved[j]
+        x[2] = wrapped(x[2])
+        step = step_within(wall, before[0], before[1], x[0] - before[0], x[1] - before[1])
+        if step < 1.0:
+            for j in range(4):
+                x[j] = before[j] + step * (wrapped(x[j] - before[j]) if j == 2 else x[j] - before[j])
+            x[2] = wrapped(x[2])
+        at[:], Q[:] = x, P
     return likelihood, nis, read
 
 

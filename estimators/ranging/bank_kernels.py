@@ -196,6 +196,7 @@ def condition_each(
         remember(bank.recent[k], bank.readings[k], innovations.residual, innovations.variance)
         if k == best:
             innovations.outliers[1] += innovations.outliers[0]
+            innovations.misfits[1] += innovations.misfits[0]
             learn_noise(
                 noise, bank.recent[k], bank.readings[k], innovations.residual, innovations.variance, sensors.longest
             )
@@ -305,7 +306,7 @@ SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, ty
 SUMS = named(NoiseSums, ONE, ONE)
 SYMMETRY = combined(types.int64, types.float64, types.float64)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
-INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64))
+INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64))
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
     (project, (TWO, ONE, ONE, WALL, ONE, types.int64, types.float64)),

@@ -23,6 +23,10 @@ that is not as declared may have done to the pose is part of the covariance, unt
 or four readings where that is longer, or by more slip than wheels have. The most likely of the others that do not is
 the best from then on. If there is none, the robot was carried away, or no hypothesis was near the truth: new hypotheses
 are made from the last readings, and compete with the old one.
+
+**Buildings.** Within a polygon a ray may end on one of several walls (``wall_choice_kernels``), and the map may lack
+what stands there. While a third of the recent ranges or more are not those of the pose that is estimated, it is
+``DEGRADED``.
 """
 
 from __future__ import annotations
@@ -63,7 +67,6 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 
@@ -80,7 +83,7 @@ _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
-_RECENT = 16.0  # readings over which the share of outliers is averaged
+_RECENT = 16.0  # readings over which the share of those that are not explained is averaged
 _MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
 
 
@@ -150,8 +153,7 @@ class FeasibleSetBank:
         self._calls = 0
         self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
-        self._misses = 0.0  # share of recent readings that were outliers
-        self._is_mapped = isinstance(mission.curve, Polygon)
+        self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
             declare_scale(self._bank, 1, self._model.scale)
@@ -265,11 +267,12 @@ class FeasibleSetBank:
             self._bank, self._best, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
         )
         drop(self._bank, self._best, self._scoring, self._symmetry)
-        outliers = int(self._innovations.outliers[1])
         if rays:
-            self._misses += (1.0 - math.exp(-rays / _RECENT)) * (outliers / rays - self._misses)
-        if outliers:
-            self._reader.counts.add(Unused.OUTLIER, outliers)
+            misfits = self._innovations.misfits[1] / rays
+            self._misfits += (1.0 - math.exp(-rays / _RECENT)) * (misfits - self._misfits)
+            self._innovations.misfits[1] = 0
+        if outliers := self._innovations.outliers[1]:
+            self._reader.counts.add(Unused.OUTLIER, int(outliers))
             self._innovations.outliers[1] = 0
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
@@ -345,7 +348,7 @@ class FeasibleSetBank:
         doubts = np.nansum(weights[apart(bank, best, self._symmetry, _ALIKE)])
         is_known = weights[best] >= _TWICE * doubts
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
-        if status is Status.OK and self._is_mapped and self._misses >= _MANY:
+        if status is Status.OK and self._misfits >= _MANY:
             status = Status.DEGRADED
         message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))

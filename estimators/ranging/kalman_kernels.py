@@ -63,12 +63,13 @@ class Innovations(NamedTuple):
     white: Array  # (l,) beta nu / sqrt(s): white with unit variance in a consistent filter
     share: Array  # (l,) of the range's noise in s
     outliers: Integers  # (2,) rays that are outliers rather than not, beta < 1/2: of the update, and of a filter so far
+    misfits: Integers  # (2,) rays that the pose after the update does not explain, in a polygon; likewise
 
 
 def no_innovations(rays: int) -> Innovations:
     """Empty innovations of one update with ``rays`` rays."""
     residual, variance, white, share = np.full((4, rays), np.nan)
-    return Innovations(residual, variance, white, share, np.zeros(2, np.int64))
+    return Innovations(residual, variance, white, share, np.zeros(2, np.int64), np.zeros(2, np.int64))
 
 
 @njit(cache=True, nogil=True)

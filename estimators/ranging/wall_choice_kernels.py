@@ -19,8 +19,12 @@ the pose is that of the mixture, of mean and covariance
     d = sum beta_k K_k nu_k,
     P <- P - sum beta_k K_k s_k K_k' + sum beta_k K_k nu_k^2 K_k' - d d'.
 
-Rays are taken one after the other, each at the mean by those before it: first all that may end on one line only, then
-the others, for which the pose is then better known.
+Rays are taken one after the other, all of them linearised at the same pose, first all that may end on
+one line only, then the others. A second pass begins again with the same prediction, but
+finds the walls around the pose that the first one came to, with its covariance (an iterated extended Kalman filter).
+
+A ray is a **misfit** if it ends where the pose after the update does not have it, by more than three deviations: what
+stands in the building and not on the map makes many of them, and the walls that are chosen for them may be wrong.
 """
 
 from __future__ import annotations
@@ -29,7 +33,14 @@ import math
 
 import numpy as np
 
-from mathnavi.estimators.ranging.kalman_kernels import GRAZING, Innovations, RaySensors, square_trace, step_within
+from mathnavi.estimators.ranging.kalman_kernels import (
+    GRAZING,
+    Innovations,
+    RaySensors,
+    expected_range,
+    square_trace,
+    step_within,
+)
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_tangent
@@ -40,6 +51,8 @@ NODES = np.array([0.0, -1.355626179974266, 1.355626179974266, -2.856970013872806
 WEIGHTS = np.array([8.0 / 15.0, 0.2220759220056126, 0.2220759220056126, 0.01125741132772069, 0.01125741132772069])
 """w_j"""
 PASSES = 2
+"""passes of an update"""
+_FITS = 3.0  # deviations that a range is off from a pose that explains it
 
 
 @njit(cache=True, nogil=True)
@@ -152,7 +165,25 @@ def condition_among_walls(
                 x[j] = before[j] + step * (wrapped(x[j] - before[j]) if j == 2 else x[j] - before[j])
             x[2] = wrapped(x[2])
         at[:], Q[:] = x, P
+    innovations.misfits[0] = _misfits(x, P, z, wall, sensors)
     return likelihood, nis, read
+
+
+@njit(cache=True, nogil=True)
+def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors) -> int:
+    """Number of ranges z (l,) [m] that are more than three deviations off those from a pose x (4,), P (4, 4)."""
+    H, D, count = np.empty(3), np.empty(3), 0
+    for i in range(len(z)):
+        if not z[i] > 0.0:
+            continue
+        h, _, _ = expected_range(wall, x[0], x[1], x[2] + sensors.angles[i], H, D)
+        if math.isnan(h):
+            continue
+        variance = (sensors.relative * h) ** 2 + sensors.absolute**2
+        for j in range(3):
+            variance += H[j] * (P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2])
+        count += (z[i] - h) ** 2 > _FITS**2 * variance
+    return count
 
 
 @njit(cache=True, nogil=True)

@@ -78,6 +78,7 @@ _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
 _UNDECLARED, _DECLARED = 0.02, 1e-4  # least deviations of b: sigma_0, as wheels are made; and of a filter, not zero
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
+_REMEMBERED = 1.0 - 1.0 / 2000.0  # of a sum of products, per ray
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
 
 
@@ -197,6 +198,8 @@ def condition_each(
         if k == best:
             innovations.outliers[1] += innovations.outliers[0]
             innovations.misfits[1] += innovations.misfits[0]
+            if polygonal:
+                _learn_correlation(innovations)
             learn_noise(
                 noise, bank.recent[k], bank.readings[k], innovations.residual, innovations.variance, sensors.longest
             )
@@ -208,6 +211,20 @@ def condition_each(
     for k in range(len(score)):
         score[k] -= greatest
     return best, nis_of[best], rays_of[best]
+
+
+@njit(cache=True, nogil=True)
+def _learn_correlation(innovations: Innovations) -> None:
+    """Update the sums of products, in place, by the residuals of an update."""
+    fits, products = innovations.fits, innovations.products
+    for i in range(fits.shape[1]):
+        now, before = fits[0, i], fits[1, i]
+        if math.isnan(now):
+            continue
+        if not math.isnan(before):
+            products[0] = _REMEMBERED * products[0] + now * before
+            products[1] = _REMEMBERED * products[1] + 0.5 * (now * now + before * before)
+        fits[1, i] = now
 
 
 @njit(cache=True, nogil=True)
@@ -306,7 +323,7 @@ SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, ty
 SUMS = named(NoiseSums, ONE, ONE)
 SYMMETRY = combined(types.int64, types.float64, types.float64)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
-INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64))
+INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64), TWO, ONE)
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
     (project, (TWO, ONE, ONE, WALL, ONE, types.int64, types.float64)),

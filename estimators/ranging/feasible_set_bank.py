@@ -67,6 +67,7 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 
@@ -84,6 +85,8 @@ _TWICE = 2.0  # times the weight of all others that the best hypothesis has wher
 _ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 _RECENT = 16.0  # readings over which the share of those that are not explained is averaged
+_CORRELATION, _PRIOR = 0.4, 50.0  # of residuals of a ray with its last ones on a measured map, and readings it counts as
+_MOST_CORRELATED = 0.8
 _MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
 
 
@@ -153,6 +156,7 @@ class FeasibleSetBank:
         self._calls = 0
         self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
+        self._is_polygon = isinstance(mission.curve, Polygon)
         self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
@@ -219,6 +223,16 @@ class FeasibleSetBank:
             self._start()
         self._t = t
         return self._estimate(t, nis)
+
+    @property
+    def _correlated(self) -> float:
+        """Variance of the mean of correlated errors of ranges over that of independent ones; one within a curve."""
+        if not self._is_polygon:
+            return 1.0
+        product, square = self._innovations.products.tolist()
+        rho = (_CORRELATION * _PRIOR + product) / (_PRIOR + square)
+        rho = min(max(rho, 0.0), _MOST_CORRELATED)
+        return (1.0 + rho) / (1.0 - rho)
 
     @property
     def _is_alive(self) -> bool:
@@ -344,7 +358,7 @@ class FeasibleSetBank:
         }
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra, self._waits_to_start())
-        P = covariance_of(bank, best)
+        P = self._correlated * covariance_of(bank, best)
         doubts = np.nansum(weights[apart(bank, best, self._symmetry, _ALIKE)])
         is_known = weights[best] >= _TWICE * doubts
         status = self._reader.status(t, P) if is_known else Status.INITIALISING

@@ -64,12 +64,17 @@ class Innovations(NamedTuple):
     share: Array  # (l,) of the range's noise in s
     outliers: Integers  # (2,) rays that are outliers rather than not, beta < 1/2: of the update, and of a filter so far
     misfits: Integers  # (2,) rays that the pose after the update does not explain, in a polygon; likewise
+    fits: Array  # (2, l) residuals at the pose after the update, over r, in a polygon; of the update, and of a filter's last
+    products: Array  # (2,) sums of products of each with the last one of its ray, and of their squares
 
 
 def no_innovations(rays: int) -> Innovations:
     """Empty innovations of one update with ``rays`` rays."""
     residual, variance, white, share = np.full((4, rays), np.nan)
-    return Innovations(residual, variance, white, share, np.zeros(2, np.int64), np.zeros(2, np.int64))
+    return Innovations(
+        residual, variance, white, share, np.zeros(2, np.int64), np.zeros(2, np.int64),
+        np.full((2, rays), np.nan), np.zeros(2),
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)

@@ -165,24 +165,32 @@ def condition_among_walls(
                 x[j] = before[j] + step * (wrapped(x[j] - before[j]) if j == 2 else x[j] - before[j])
             x[2] = wrapped(x[2])
         at[:], Q[:] = x, P
-    innovations.misfits[0] = _misfits(x, P, z, wall, sensors)
+    innovations.misfits[0] = _misfits(x, P, z, wall, sensors, innovations.fits[0])
     return likelihood, nis, read
 
 
 @njit(cache=True, nogil=True)
-def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors) -> int:
-    """Number of ranges z (l,) [m] that are more than three deviations off those from a pose x (4,), P (4, 4)."""
+def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors, fits: Array) -> int:
+    """Number of ranges z (l,) [m] that are more than three deviations off those from a pose x (4,), P (4, 4).
+
+    Writes the residuals of the others over their deviations into ``fits`` (l,).
+    """
     H, D, count = np.empty(3), np.empty(3), 0
+    fits[:] = math.nan
     for i in range(len(z)):
         if not z[i] > 0.0:
             continue
         h, _, _ = expected_range(wall, x[0], x[1], x[2] + sensors.angles[i], H, D)
         if math.isnan(h):
             continue
-        variance = (sensors.relative * h) ** 2 + sensors.absolute**2
+        noise = (sensors.relative * h) ** 2 + sensors.absolute**2
+        variance = noise
         for j in range(3):
             variance += H[j] * (P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2])
-        count += (z[i] - h) ** 2 > _FITS**2 * variance
+        if (z[i] - h) ** 2 > _FITS**2 * variance:
+            count += 1
+        else:
+            fits[i] = (z[i] - h) / math.sqrt(noise)
     return count
 
 

@@ -26,7 +26,9 @@ are made from the last readings, and compete with the old one.
 
 **Buildings.** Within a polygon a ray may end on one of several walls (``wall_choice_kernels``), and the map may lack
 what stands there. While a third of the recent ranges or more are not those of the pose that is estimated, it is
-``DEGRADED``.
+``DEGRADED``. What the map is wrong by stays from one scan to the next, which the filters take for independent: with the
+correlation r of the residuals of a ray with those before, learned while the bank runs, its covariance is that of an
+autoregressive error of first order, (1 + r) / (1 - r) times theirs.
 """
 
 from __future__ import annotations
@@ -85,8 +87,8 @@ _TWICE = 2.0  # times the weight of all others that the best hypothesis has wher
 _ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 _RECENT = 16.0  # readings over which the share of those that are not explained is averaged
-_CORRELATION, _PRIOR = 0.4, 50.0  # of residuals of a ray with its last ones on a measured map, and readings it counts as
-_MOST_CORRELATED = 0.8
+_CORRELATION, _PRIOR = 0.4, 50.0  # r at first, as at SLAM's poses on maps of scans, and the readings that it counts as
+_MOST_CORRELATED = 0.8  # r at most
 _MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
 
 

@@ -64,7 +64,7 @@ class Innovations(NamedTuple):
     share: Array  # (l,) of the range's noise in s
     outliers: Integers  # (2,) rays that are outliers rather than not, beta < 1/2: of the update, and of a filter so far
     misfits: Integers  # (2,) rays that the pose after the update does not explain, in a polygon; likewise
-    fits: Array  # (2, l) residuals at the pose after the update, over r, in a polygon; of the update, and of a filter's last
+    fits: Array  # (2, l) residuals over sqrt(r) at the pose after the update, in a polygon: of the update, and the last
     products: Array  # (2,) sums of products of each with the last one of its ray, and of their squares
 
 

@@ -6,9 +6,9 @@ on which the ray may end are alternatives. A pose that is off by d moves the ray
 
     l = a' d,   a = (-sin beta, cos beta, h),   var l = a' P a,
 
-and the given edges of walls are as uncertain as the ranges, by their deviation sqrt(r). Rays from five poses on the
-line of the most likely d of each l, at the nodes x_j and with the weights w_j of the Gauss-Hermite rule, give the
-straight lines k on which it may end. Each is linearised at the mean, not where it was met:
+and the edges of walls are taken as uncertain as the ranges, with a variance r of l besides. Rays from the five poses
+that most likely have l = x_j sqrt(var l + r), at the nodes x_j and with the weights w_j of the Gauss-Hermite rule, give
+the straight lines k on which it may end. Each is linearised at the mean, not where it was met:
 
     nu_k = z - h_k,   s_k = H_k P H_k' + r_k,   p_k = (1 - epsilon) w_k N(nu_k; 0, s_k),
     beta_k = p_k / (sum p_k + epsilon / L)
@@ -81,9 +81,8 @@ def walls_met(
     count, total = 0, 0.0
     for n in range(len(NODES)):
         if n > 0:
-            l = NODES[n] * deviation
             # What the edge is off by moves the ray like a step to the side.
-            d = l / variance
+            d = NODES[n] / deviation
             _, s = cast_ray(
                 coefficients, polyline, x[0] + d * (Pa[0] + edge * a[0]), x[1] + d * (Pa[1] + edge * a[1]),
                 beta + d * Pa[2],

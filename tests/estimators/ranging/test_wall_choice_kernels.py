@@ -1,4 +1,4 @@
-"""Where a ray may end on one of several walls, the filter weighs them, and is not sure of the one that its mean sees."""
+"""Where a ray may end on one of several walls, the filter weighs them; it is not sure of the one that its mean sees."""
 
 from __future__ import annotations
 

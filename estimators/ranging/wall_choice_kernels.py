@@ -82,7 +82,7 @@ def walls_met(
     for n in range(len(NODES)):
         if n > 0:
             # What the edge is off by moves the ray like a step to the side.
-            d = NODES[n] / deviation
+            d = NODES[n] * deviation / variance
             _, s = cast_ray(
                 coefficients, polyline, x[0] + d * (Pa[0] + edge * a[0]), x[1] + d * (Pa[1] + edge * a[1]),
                 beta + d * Pa[2],

@@ -231,7 +231,7 @@ class FeasibleSetBank:
         """Variance of the mean of correlated errors of ranges over that of independent ones; one within a curve."""
         if not self._is_polygon:
             return 1.0
-        product, square = self._innovations.products.tolist()
+        product, square = (float(each) for each in self._innovations.products)
         rho = (_CORRELATION * _PRIOR + product) / (_PRIOR + square)
         rho = min(max(rho, 0.0), _MOST_CORRELATED)
         return (1.0 + rho) / (1.0 - rho)

@@ -57,10 +57,12 @@ from mathnavi.estimators.ranging.kalman_kernels import (
 )
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
 from mathnavi.estimators.ranging.reading_kernels import is_within, select_ranges
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls
 from mathnavi.interfaces.compiled import Signature, njit
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape
+from mathnavi.models.field.polygon_kernels import is_polygonal
 from mathnavi.models.unicycle.kernels import wrapped
 
 LEAST_SLIP, MOST_SLIP = 2e-7, 0.03
@@ -76,6 +78,7 @@ _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
 _UNDECLARED, _DECLARED = 0.02, 1e-4  # least deviations of b: sigma_0, as wheels are made; and of a filter, not zero
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
+_REMEMBERED = 1.0 - 1.0 / 2000.0  # of a sum of products, per ray
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
 
 
@@ -169,6 +172,9 @@ def condition_each(
     """
     score, misfit = bank.score, bank.misfit
     sigma, epsilon = noise_of(noise)
+    polygonal = is_polygonal(wall[0])
+    if polygonal:
+        sigma = max(sigma, 1.0)  # what the map is wrong by changes slowly, and does not show in the noise
     true = RaySensors(
         sensors.angles, sigma * sensors.relative, sigma * sensors.absolute, sensors.gate, epsilon, sensors.longest
     )
@@ -177,7 +183,10 @@ def condition_each(
         if math.isnan(score[k]):
             continue
         b, P_44 = bank.x[k, 3], bank.P[k, 3, 3]
-        likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)
+        if polygonal:
+            likelihood, nis, rays = condition_among_walls(bank.x[k], bank.P[k], z, wall, true, innovations)
+        else:
+            likelihood, nis, rays = condition(bank.x[k], bank.P[k], z, wall, true, innovations)
         _learn_scale(bank.scale[k], b, P_44, bank.x[k, 3], bank.P[k, 3, 3])
         score[k] = scoring.forgetting * score[k] + likelihood
         if rays > 0:
@@ -188,6 +197,9 @@ def condition_each(
         remember(bank.recent[k], bank.readings[k], innovations.residual, innovations.variance)
         if k == best:
             innovations.outliers[1] += innovations.outliers[0]
+            innovations.misfits[1] += innovations.misfits[0]
+            if polygonal:
+                _learn_correlation(innovations)
             learn_noise(
                 noise, bank.recent[k], bank.readings[k], innovations.residual, innovations.variance, sensors.longest
             )
@@ -199,6 +211,20 @@ def condition_each(
     for k in range(len(score)):
         score[k] -= greatest
     return best, nis_of[best], rays_of[best]
+
+
+@njit(cache=True, nogil=True)
+def _learn_correlation(innovations: Innovations) -> None:
+    """Update the sums of products, in place, by the residuals of an update."""
+    fits, products = innovations.fits, innovations.products
+    for i in range(fits.shape[1]):
+        now, before = fits[0, i], fits[1, i]
+        if math.isnan(now):
+            continue
+        if not math.isnan(before):
+            products[0] = _REMEMBERED * products[0] + now * before
+            products[1] = _REMEMBERED * products[1] + 0.5 * (now * now + before * before)
+        fits[1, i] = now
 
 
 @njit(cache=True, nogil=True)
@@ -297,7 +323,7 @@ SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, ty
 SUMS = named(NoiseSums, ONE, ONE)
 SYMMETRY = combined(types.int64, types.float64, types.float64)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
-INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64))
+INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64), TWO, ONE)
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
     (project, (TWO, ONE, ONE, WALL, ONE, types.int64, types.float64)),

@@ -24,21 +24,11 @@ or four readings where that is longer, or by more slip than wheels have. The mos
 the best from then on. If there is none, the robot was carried away, or no hypothesis was near the truth: new hypotheses
 are made from the last readings, and compete with the old one.
 
-**Model of when wheels slip**: until friction has brought the robot to the speed of its wheels.
-
-The friction on a slipping wheel does not grow with the slip (Coulomb). So the slip velocity d of the robot, in its own
-rotating frame, has a magnitude that falls at a constant rate a,
-
-    d = (u_1 - v_1, -v_2, (u_2 - omega) / c_phi),    v' = a d / |d| + momentum,
-
-where v is the robot's velocity ahead and to its left and omega its turn rate. When it turns, its speed before the turn
-becomes a slide to the side. The error of odometry is about d. The bank estimates how much wheels slip
-(``bank_kernels``); d says when they do. The process noise of slip has weights, of mean one, for the position by (d_1,
-d_2) and for the heading by d_3,
-
-    w_i = (2 |d_i|^2 + e^2) / (mean |d|^2 + e^2),
-
-where e is a slip speed that wheels may have at any time.
+**Buildings.** Within a polygon a ray may end on one of several walls (``wall_choice_kernels``), and the map may lack
+what stands there. While a third of the recent ranges or more are not those of the pose that is estimated, it is
+``DEGRADED``. What the map is wrong by stays from one scan to the next, which the filters take for independent: with the
+correlation r of the residuals of a ray with those before, learned while the bank runs, its covariance is that of an
+autoregressive error of first order, (1 + r) / (1 - r) times theirs.
 """
 
 from __future__ import annotations
@@ -55,7 +45,6 @@ from scipy.special import chdtri
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.bank_kernels import (
-    BY_HEADING,
     MOST_SLIP,
     Flags,
     Scoring,
@@ -72,6 +61,7 @@ from mathnavi.estimators.ranging.kalman_kernels import no_innovations
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
 from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.ranging.slip_weight import SlipWeight
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.angles import Radians, check_angle
 from mathnavi.interfaces.bounds import CountInMemory, Each, Positive, Probability, Seed, Within, configuration
@@ -79,36 +69,9 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-
-_GRIP = 1.0  # [m/s^2] a, of a floor that is slippery
-_MEMORY = 3.0  # [s] of the mean
-_ALWAYS = 0.05  # [m/s] e
-_MOST = 10.0  # of w
-
-
-class SlipWeight:
-    """Weights of the process noise of slip."""
-
-    def __init__(self) -> None:
-        self._ahead, self._left, self._turn = 0.0, 0.0, 0.0  # [m/s, m/s, rad/s] v_1, v_2, omega
-        self._mean = 0.0  # [m^2/s^2] of |d|^2
-
-    def update(self, u: Array, dt: float) -> Array:
-        """Weights w (2,) of position and heading over dt [s], while the wheels turn as u (2,) [m/s, rad/s] asks."""
-        c, s = math.cos(self._turn * dt), math.sin(self._turn * dt)
-        ahead, left = c * self._ahead + s * self._left, c * self._left - s * self._ahead
-        d_1, d_2, d_3 = float(u[0]) - ahead, -left, (float(u[1]) - self._turn) / BY_HEADING
-        squares = np.array([d_1 * d_1 + d_2 * d_2, d_3 * d_3])
-        square = float(squares.sum())
-        share = _GRIP * dt / max(math.sqrt(square), _GRIP * dt)
-        self._ahead, self._left = ahead + share * d_1, left + share * d_2
-        self._turn += share * d_3 * BY_HEADING
-        weights: Array = np.minimum(_MOST, (2.0 * squares + _ALWAYS**2) / (self._mean + _ALWAYS**2))
-        self._mean += (1.0 - math.exp(-dt / _MEMORY)) * (square - self._mean)
-        return weights
-
 
 _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
 _MOVED = 0.005  # of a range: error of the range in the middle of a motion, from ranges read along it
@@ -123,6 +86,10 @@ _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
+_RECENT = 16.0  # readings over which the share of those that are not explained is averaged
+_CORRELATION, _PRIOR = 0.4, 50.0  # r at first, as at SLAM's poses on maps of scans, and the readings that it counts as
+_MOST_CORRELATED = 0.8  # r at most
+_MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
 
 
 @configuration
@@ -191,6 +158,8 @@ class FeasibleSetBank:
         self._calls = 0
         self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
+        self._is_polygon = isinstance(mission.curve, Polygon)
+        self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
             declare_scale(self._bank, 1, self._model.scale)
@@ -258,6 +227,16 @@ class FeasibleSetBank:
         return self._estimate(t, nis)
 
     @property
+    def _correlated(self) -> float:
+        """Variance of the mean of correlated errors of ranges over that of independent ones; one within a curve."""
+        if not self._is_polygon:
+            return 1.0
+        product, square = (float(each) for each in self._innovations.products)
+        rho = (_CORRELATION * _PRIOR + product) / (_PRIOR + square)
+        rho = min(max(rho, 0.0), _MOST_CORRELATED)
+        return (1.0 + rho) / (1.0 - rho)
+
+    @property
     def _is_alive(self) -> bool:
         return not np.isnan(self._bank.score[self._best])
 
@@ -304,6 +283,10 @@ class FeasibleSetBank:
             self._bank, self._best, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
         )
         drop(self._bank, self._best, self._scoring, self._symmetry)
+        if rays:
+            misfits = self._innovations.misfits[1] / rays
+            self._misfits += (1.0 - math.exp(-rays / _RECENT)) * (misfits - self._misfits)
+            self._innovations.misfits[1] = 0
         if outliers := self._innovations.outliers[1]:
             self._reader.counts.add(Unused.OUTLIER, int(outliers))
             self._innovations.outliers[1] = 0
@@ -377,10 +360,12 @@ class FeasibleSetBank:
         }
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra, self._waits_to_start())
-        P = covariance_of(bank, best)
+        P = self._correlated * covariance_of(bank, best)
         doubts = np.nansum(weights[apart(bank, best, self._symmetry, _ALIKE)])
         is_known = weights[best] >= _TWICE * doubts
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
+        if status is Status.OK and self._misfits >= _MANY:
+            status = Status.DEGRADED
         message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
 

@@ -38,7 +38,8 @@ from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
 from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
 
-_GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it has no information
+GRAZING = 1e-3
+"""sine of the angle between a ray and the wall below which it has no information"""
 _HALVINGS = 30  # of a step that leads out of the wall
 _MOST_UNLIKELY = 50.0  # logarithm of the odds of an outlier beyond which it is one
 
@@ -62,12 +63,18 @@ class Innovations(NamedTuple):
     white: Array  # (l,) beta nu / sqrt(s): white with unit variance in a consistent filter
     share: Array  # (l,) of the range's noise in s
     outliers: Integers  # (2,) rays that are outliers rather than not, beta < 1/2: of the update, and of a filter so far
+    misfits: Integers  # (2,) rays that the pose after the update does not explain, in a polygon; likewise
+    fits: Array  # (2, l) residuals over sqrt(r) at the pose after the update, in a polygon: of the update, and the last
+    products: Array  # (2,) sums of products of each with the last one of its ray, and of their squares
 
 
 def no_innovations(rays: int) -> Innovations:
     """Empty innovations of one update with ``rays`` rays."""
     residual, variance, white, share = np.full((4, rays), np.nan)
-    return Innovations(residual, variance, white, share, np.zeros(2, np.int64))
+    return Innovations(
+        residual, variance, white, share, np.zeros(2, np.int64), np.zeros(2, np.int64),
+        np.full((2, rays), np.nan), np.zeros(2),
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -144,7 +151,7 @@ def expected_range(
     t_x, t_y = curve_tangent(coefficients, s)
     e_x, e_y = math.cos(beta), math.sin(beta)
     across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y  # theta' in the axes of the ray
-    if across * across < _GRAZING**2 * (across * across + along * along):
+    if across * across < GRAZING**2 * (across * across + along * along):
         return math.nan, 0.0, 0.0
     H[0], H[1], H[2] = -t_y / across, t_x / across, h * along / across
     D[0], D[1], D[2] = -e_y / across, e_x / across, h / across

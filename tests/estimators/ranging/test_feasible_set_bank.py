@@ -24,6 +24,8 @@ from mathnavi.estimators.ranging.kalman_kernels import RaySensors, no_innovation
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise
 from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.field.curve import BEAN, Curve
+from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from tests.estimators.ranging.runs import with_ranges
@@ -31,7 +33,7 @@ from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven
 
 
-def mission(sensors: str = "2s", curve: Curve = FIELD, *, noise: bool = True, outliers: float = 0.0) -> RangingMission:
+def mission(sensors: str = "2s", curve: Wall = FIELD, *, noise: bool = True, outliers: float = 0.0) -> RangingMission:
     return RangingMission(
         curve,
         tuple(math.radians(angle) for angle in SENSORS[sensors]),
@@ -201,6 +203,46 @@ def test_outliers_are_survived() -> None:
     estimates = estimates_of(task, steps)
     assert max(last_errors(task, estimates)) < 0.15
     assert all(estimate.status is Status.OK for _, estimate in estimates[100:])
+
+
+ROOM = Polygon((((0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (11.0, 4.0), (11.0, 6.0), (0.0, 6.0)),))
+EIGHT, KNOWN = np.linspace(-3.0, 2.5, 8), (3.0, 2.5, 0.3)
+
+
+def room_mission() -> RangingMission:
+    known = KnownStart(KNOWN, (0.1, 0.1, 0.1))
+    return dataclasses.replace(mission(curve=ROOM, outliers=0.1), angles=tuple(EIGHT.tolist()), start=known)
+
+
+def test_errors_of_a_map_that_stay_widen_the_covariance() -> None:
+    """Errors of the same size, drawn anew for each reading or once."""
+    deviation = []
+    for stays in (False, True):
+        rng, offsets = np.random.default_rng(3), np.random.default_rng(4).standard_normal(8)
+
+        def off(ranges: Array) -> Array:
+            return ranges * (1.0 + 0.05 * (offsets if stays else rng.standard_normal(8)))  # noqa: B023
+
+        steps = driven(room_mission(), np.array(KNOWN), 4.0)
+        _, last = estimates_of(room_mission(), [with_ranges(s, off) for s in steps])[-1]
+        assert last.covariance is not None
+        deviation.append(math.sqrt(np.trace(last.covariance[:2, :2])))
+    assert deviation[1] > 1.5 * deviation[0]
+
+
+@pytest.mark.parametrize("unmapped", [0, 1, 4])
+def test_where_the_map_lacks_much_of_what_is_there_the_estimate_is_degraded(unmapped: int) -> None:
+    """Of eight beams, one or four end on what is not on the map, from 2 s on."""
+    rng = np.random.default_rng(3)
+
+    def hidden(ranges: Array) -> Array:
+        return np.where(np.arange(8) < unmapped, rng.uniform(0.2, 0.7, 8) * ranges, ranges)
+
+    steps = driven(room_mission(), np.array(KNOWN), 4.0, rng=np.random.default_rng(4))
+    estimates = estimates_of(room_mission(), [with_ranges(s, hidden) if s.t >= 2.0 else s for s in steps], misfit=30.0)
+    assert all(each.status is Status.OK for step, each in estimates if 0.5 < step.t < 2.0)
+    late = {each.status for step, each in estimates if step.t > 2.5}
+    assert late == {Status.DEGRADED if unmapped == 4 else Status.OK}
 
 
 def test_lost_rays_are_done_without() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mathnavi.estimators.ranging.feasible_set_bank import SlipWeight
+from mathnavi.estimators.ranging.slip_weight import SlipWeight
 
 DT = 0.01  # [s]
 

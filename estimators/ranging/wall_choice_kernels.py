@@ -1,0 +1,249 @@
+"""Update of a Kalman filter by rays that may end on one of several walls of a polygon, compiled.
+
+At a corner, at the edge of a door and past an obstacle the range of a ray jumps or bends within the errors of the pose:
+linearised at the mean alone, a filter believes that the ray ends where the mean says, and is sure of it. So the walls
+on which the ray may end are alternatives. A pose that is off by d moves the ray sideways, where it ends, by
+
+    l = a' d,   a = (-sin beta, cos beta, h),   var l = a' P a,
+
+and the edges of walls are taken as uncertain as the ranges, with a variance r of l besides. Rays from the five poses
+that most likely have l = x_j sqrt(var l + r), at the nodes x_j and with the weights w_j of the Gauss-Hermite rule, give
+the straight lines k on which it may end. Each is linearised at the mean, not where it was met:
+
+    nu_k = z - h_k,   s_k = H_k P H_k' + r_k,   p_k = (1 - epsilon) w_k N(nu_k; 0, s_k),
+    beta_k = p_k / (sum p_k + epsilon / L)
+
+(probabilistic data association, Bar-Shalom and Tse, 1975, over walls in place of echoes), and with K_k = P H_k' / s_k
+the pose is that of the mixture, of mean and covariance
+
+    d = sum beta_k K_k nu_k,
+    P <- P - sum beta_k K_k s_k K_k' + sum beta_k K_k nu_k^2 K_k' - d d'.
+
+Rays are taken one after the other, all of them linearised at the same pose, first all that may end on
+one line only, then the others. A second pass begins again with the same prediction, but
+finds the walls around the pose that the first one came to, with its covariance (an iterated extended Kalman filter).
+
+A ray is a **misfit** if it ends where the pose after the update does not have it, by more than three deviations: what
+stands in the building and not on the map makes many of them, and the walls that are chosen for them may be wrong.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mathnavi.estimators.ranging.kalman_kernels import (
+    GRAZING,
+    Innovations,
+    RaySensors,
+    expected_range,
+    square_trace,
+    step_within,
+)
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.field.kernels import WallShape, cast_ray, curve_tangent
+from mathnavi.models.unicycle.kernels import wrapped
+
+NODES = np.array([0.0, -1.355626179974266, 1.355626179974266, -2.856970013872806, 2.856970013872806])
+"""x_j [standard deviations] of the Gauss-Hermite rule of five points"""
+WEIGHTS = np.array([8.0 / 15.0, 0.2220759220056126, 0.2220759220056126, 0.01125741132772069, 0.01125741132772069])
+"""w_j"""
+PASSES = 2
+"""passes of an update"""
+_FITS = 3.0  # deviations that a range is off from a pose that explains it
+
+
+@njit(cache=True, nogil=True)
+def walls_met(
+    wall: WallShape, x: Array, P: Array, angle: float, relative: float, absolute: float, lines: Array, weights: Array
+) -> int:
+    """Write the lines on which a ray at ``angle`` [rad] off the heading of x (4,), of covariance P (4, 4), may end.
+
+    ``lines`` (5, 4) gets h [m] and H (3,) of each of them at x, ``weights`` (5,) the probability of each. Returns their
+    number, 0 where the ray has no information.
+    """
+    coefficients, polyline = wall
+    beta = x[2] + angle
+    e_x, e_y = math.cos(beta), math.sin(beta)
+    h, s = cast_ray(coefficients, polyline, x[0], x[1], beta)
+    if math.isnan(h):
+        return 0
+    a = np.array([-e_y, e_x, h])
+    Pa = np.empty(3)
+    for j in range(3):
+        Pa[j] = P[j, 0] * a[0] + P[j, 1] * a[1] + P[j, 2] * a[2]
+    edge = (relative * h) ** 2 + absolute**2
+    variance = a[0] * Pa[0] + a[1] * Pa[1] + a[2] * Pa[2] + edge
+    deviation = math.sqrt(variance)
+    met = np.empty(len(NODES), np.int64)
+    count, total = 0, 0.0
+    for n in range(len(NODES)):
+        if n > 0:
+            # What the edge is off by moves the ray like a step to the side.
+            d = NODES[n] * deviation / variance
+            _, s = cast_ray(
+                coefficients, polyline, x[0] + d * (Pa[0] + edge * a[0]), x[1] + d * (Pa[1] + edge * a[1]),
+                beta + d * Pa[2],
+            )  # fmt: skip
+            if math.isnan(s):
+                continue
+        k, known = int(s), False
+        for j in range(count):
+            if met[j] == k:
+                weights[j] += WEIGHTS[n]
+                known = True
+        if known:
+            total += WEIGHTS[n]
+            continue
+        t_x, t_y = curve_tangent(coefficients, s)
+        across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y
+        if across * across < GRAZING**2 * (across * across + along * along):
+            continue
+        c_x, c_y = coefficients[1 + k, 0] - x[0], coefficients[1 + k, 1] - x[1]
+        length = (c_x * t_y - c_y * t_x) / across
+        if not length > 0.0:
+            continue
+        lines[count, 0] = length
+        lines[count, 1], lines[count, 2], lines[count, 3] = -t_y / across, t_x / across, length * along / across
+        met[count], weights[count] = k, WEIGHTS[n]
+        total += WEIGHTS[n]
+        count += 1
+    for j in range(count):
+        weights[j] /= total
+    return count
+
+
+@njit(cache=True, nogil=True)
+def condition_among_walls(
+    x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors, innovations: Innovations
+) -> tuple[float, float, int]:
+    """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m] within a polygon; see ``condition``.
+
+    Innovations and NIS are those of the line on which a ray most likely ended.
+    """
+    angles, relative, absolute, gate = sensors.angles, sensors.relative, sensors.absolute, sensors.gate
+    likelihood, nis, read = 0.0, 0.0, 0
+    lines, weights, taken = np.empty((len(NODES), 4)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
+    prior, before, at, Q, moved = P.copy(), x.copy(), x.copy(), P.copy(), np.zeros(4)
+    for _ in range(PASSES):
+        likelihood, nis, read = 0.0, 0.0, 0
+        innovations.outliers[0] = 0
+        taken[:] = False
+        P[:] = prior
+        for j in range(4):
+            moved[j] = before[j] - at[j]
+        moved[2] = wrapped(moved[2])
+        for i in range(len(z)):
+            innovations.residual[i] = innovations.variance[i] = math.nan
+            innovations.white[i] = innovations.share[i] = math.nan
+        for is_last in range(2):
+            for i in range(len(z)):
+                if taken[i] or not z[i] > 0.0:
+                    continue
+                count = walls_met(wall, at, Q, angles[i], relative, absolute, lines, weights)
+                if count == 0 or (count > 1 and not is_last):
+                    continue
+                taken[i] = True
+                logarithm, nu, s, r, beta = _condition_on_one(
+                    moved, P, z[i], Q, sensors, lines[:count], weights[:count]
+                )
+                read += 1
+                nis += min(nu * nu / s, gate)
+                likelihood += logarithm
+                innovations.outliers[0] += beta < 0.5
+                innovations.residual[i], innovations.variance[i] = nu, r
+                innovations.white[i], innovations.share[i] = beta * nu / math.sqrt(s), r / s
+        for j in range(4):
+            x[j] = at[j] + moved[j]
+        x[2] = wrapped(x[2])
+        step = step_within(wall, before[0], before[1], x[0] - before[0], x[1] - before[1])
+        if step < 1.0:
+            for j in range(4):
+                x[j] = before[j] + step * (wrapped(x[j] - before[j]) if j == 2 else x[j] - before[j])
+            x[2] = wrapped(x[2])
+        at[:], Q[:] = x, P
+    innovations.misfits[0] = _misfits(x, P, z, wall, sensors, innovations.fits[0])
+    return likelihood, nis, read
+
+
+@njit(cache=True, nogil=True)
+def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors, fits: Array) -> int:
+    """Number of ranges z (l,) [m] that are more than three deviations off those from a pose x (4,), P (4, 4).
+
+    Writes the residuals of the others over their deviations into ``fits`` (l,).
+    """
+    H, D, count = np.empty(3), np.empty(3), 0
+    fits[:] = math.nan
+    for i in range(len(z)):
+        if not z[i] > 0.0:
+            continue
+        h, _, _ = expected_range(wall, x[0], x[1], x[2] + sensors.angles[i], H, D)
+        if math.isnan(h):
+            continue
+        noise = (sensors.relative * h) ** 2 + sensors.absolute**2
+        variance = noise
+        for j in range(3):
+            variance += H[j] * (P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2])
+        if (z[i] - h) ** 2 > _FITS**2 * variance:
+            count += 1
+        else:
+            fits[i] = (z[i] - h) / math.sqrt(noise)
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _condition_on_one(
+    moved: Array, P: Array, z: float, Q: Array, sensors: RaySensors, lines: Array, weights: Array
+) -> tuple[float, float, float, float, float]:
+    """Condition x (4,) and P (4, 4), in place, on a range z [m] of a ray that ends on one of the lines (m, 4).
+
+    Returns the logarithm of the likelihood, nu [m], s and r [m^2] of the most likely line, and the probability that the
+    range is no outlier.
+    """
+    count, best = len(lines), 0
+    nu, s, r, share = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    K = np.empty((count, 4))
+    flat = np.zeros(3)
+    for k in range(count):
+        h, H = lines[k, 0], lines[k, 1:]
+        for j in range(4):
+            K[k, j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
+        r[k] = (sensors.relative * h) ** 2 + sensors.absolute**2
+        s[k] = H[0] * K[k, 0] + H[1] * K[k, 1] + H[2] * K[k, 2] + r[k]
+        s[k] += 0.5 * square_trace(Q[:3, :3], flat, h, -H[2] / h, 0.0, H)
+        nu[k] = z - h - H[0] * moved[0] - H[1] * moved[1] - H[2] * moved[2]
+        share[k] = math.log((1.0 - sensors.outliers) * weights[k]) - 0.5 * (
+            nu[k] * nu[k] / s[k] + math.log(2.0 * math.pi * s[k])
+        )
+        if share[k] > share[best]:
+            best = k
+    # The likelihood of the range over that of the most likely line, or of an outlier.
+    top, rest = share[best], 0.0
+    if sensors.outliers > 0.0:
+        uniform = math.log(sensors.outliers / sensors.longest)
+        top = max(top, uniform)
+        rest = math.exp(uniform - top)
+    total, known = rest, 0.0
+    for k in range(count):
+        share[k] = math.exp(share[k] - top)
+        known += share[k]
+    total += known
+    d, spread = np.zeros(4), np.zeros((4, 4))
+    for k in range(count):
+        share[k] /= total
+        for j in range(4):
+            K[k, j] /= s[k]
+            d[j] += share[k] * K[k, j] * nu[k]
+    for k in range(count):
+        gain = share[k] * (nu[k] * nu[k] - s[k])
+        for j in range(4):
+            for i in range(4):
+                spread[j, i] += gain * K[k, j] * K[k, i]
+    for j in range(4):
+        for i in range(4):
+            P[j, i] += spread[j, i] - d[j] * d[i]
+    for j in range(4):
+        moved[j] += d[j]
+    return top + math.log(total), nu[best], s[best], r[best], known / total

@@ -111,12 +111,14 @@ class ComparedRun:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Return all requested fields by their names on the command line, with the terrain and the versions."""
+        """Return all requested fields by their names on the command line, with digests of what was read and run."""
         terrain = {"terrain's digest": self.config["terrain"]["digest"]} if "terrain" in self.config else {}
         return (
             {"seed": self.config["seed"]}
             | recorded_fields(self.config)
             | terrain
+            | flattened(self.config.get("inputs", {}), "digest of ")
+            | {"code": self.config.get("code", "")}
             | flattened(self.config.get("versions", {}), "version of ")
             | flattened(self.config.get("machine", {}))
         )

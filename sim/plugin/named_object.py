@@ -40,9 +40,21 @@ def named_object(place: str) -> Any:
 
 
 def _module_of(path: Path) -> ModuleType:
+    """Return the module of a file, the same one for all who import it: of two, the classes would be different ones."""
     if not path.is_file():
         raise PluginError(f"{path} is not there; allowed: {PLACE}")
     name, folder = str(path.resolve()), str(path.resolve().parent)  # a name that no installed module has
+    for module in list(sys.modules.values()):
+        if getattr(module, "__file__", None) == name and module.__name__ != name:
+            return module
+    if path.stem.isidentifier() and path.stem not in sys.modules:  # as its neighbours, and package.module:NAME, do
+        sys.path.append(folder)
+        importlib.invalidate_caches()
+        found = importlib.util.find_spec(path.stem)
+        sys.path.remove(folder)
+        if found is not None and found.origin == name:
+            sys.path.append(folder)
+            return importlib.import_module(path.stem)
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise PluginError(f"{path} is no Python file; allowed: {PLACE}")

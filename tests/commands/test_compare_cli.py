@@ -92,6 +92,17 @@ def test_a_run_beside_itself_differs_in_nothing(runs: Path) -> None:
         assert row["difference"] in ("0", "–"), name
 
 
+def test_runs_of_other_code_or_files_differ(runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config = json.loads((shutil.copytree(runs / "one", tmp_path / "changed") / "config.json").read_text())
+    config |= {"code": f"{config['code']}+rover-4a876c28", "inputs": {"config.model": "f00d"}}
+    (tmp_path / "changed/config.json").write_text(json.dumps(config))
+    assert main(["compare", str(runs / "one"), str(tmp_path / "changed")]) == 0
+    printed = capsys.readouterr().out
+    assert "code" in printed
+    assert "digest of config.model" in printed
+    assert "the same in both" not in printed
+
+
 def test_the_page_has_the_states_and_errors_of_both_runs(runs: Path, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     for _ in range(2):  # an earlier comparison is replaced

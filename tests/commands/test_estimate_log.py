@@ -42,7 +42,63 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         pose = mission.flow(pose, np.array([0.4, 0.5]), 0.05)
     (tmp_path / "log.csv").write_text("\n".join([*lines, "1500;16"]))
     yield tmp_path
-    sys.modules.pop("neighbour", None)  # else it belongs to the version of the code of later sweeps
+    for name in ("neighbour", "robot", "rig"):  # else they belong to the version of the code of later sweeps
+        sys.modules.pop(name, None)
+
+
+RIG = """
+from dataclasses import dataclass
+import numpy as np
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.signals import Estimate, Status
+
+@dataclass(frozen=True)
+class Rig:
+    period: float = 0.05
+
+@dataclass(frozen=True)
+class Ranges:
+    name: str = "ranges"
+    size: int = 2
+    rate: float = 20.0
+    def read(self, motion, rng):
+        raise AssertionError
+
+@configuration
+class Nothing:
+    pass
+
+class Last:
+    Config = Nothing
+
+    @staticmethod
+    def build(config, mission: Rig):
+        return Last(mission)
+
+    @staticmethod
+    def sensors(config, mission):
+        return (Ranges(),)
+
+    @staticmethod
+    def quality(config, mission):
+        return None
+
+    def __init__(self, mission):
+        self.period = mission.period
+
+    def update(self, t, measurements, command):
+        return Estimate(t, np.zeros(1), None, Status.OK)
+
+rig = Rig()
+"""
+
+
+def test_an_observer_and_its_mission_may_be_in_one_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Named as a module and as a file, it is one module: its class of missions is one class."""
+    (folder / "rig.py").write_text(RIG)
+    words = ("--mission", "rig.py:rig", "--readings", "ranges=front,left", "--time", "time", *FORMAT[:4])
+    assert main(["estimate", "rig:Last", "log.csv", *words]) == 0, capsys.readouterr().err
+    assert "rig:Last" in capsys.readouterr().out
 
 
 @pytest.mark.honoured("CSV", "estimate from the command line")

@@ -47,8 +47,8 @@ class EstimateLogOptions:
     """Flags of the command for a log."""
 
     mission: Annotated[str, ValueName("FILE.py:NAME")]
-    """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file, which
-    runs with your rights"""
+    """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file or, as
+    package.module:NAME, of a module; it runs with your rights"""
     readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMNS...")] = ()
     """columns of each sensor by its name, with commas between them; of a folder its readings have their names"""
     inputs: Annotated[str, ValueName("COLUMNS")] = ""

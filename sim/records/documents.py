@@ -59,6 +59,7 @@ class RunDocument:
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] | None = None
     inputs: dict[str, str] | None = None  # digests of the files that were read, by the names of the fields
+    code: str | None = None  # version of the code that it ran, of mathnavi and of each further distribution
     latency: Literal["measured"] | None = None  # None: plans took no simulated time
 
 

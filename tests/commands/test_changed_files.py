@@ -72,6 +72,9 @@ def test_another_environment_is_named(
     assert "was recorded in another environment: numpy" in capsys.readouterr().err
     path = run / "config.json"
     config = json.loads(path.read_text())
+    path.write_text(json.dumps(config | {"code": "0.0+f00d"}))
+    assert main(["run", "--from", str(run), "--out", "again"]) in (0, 1)
+    assert f"recorded by other code, 0.0+f00d; it is now {config['code']}" in capsys.readouterr().err
     for name in ("inputs", "code", "machine"):  # as an earlier version wrote it
         del config[name]
     path.write_text(json.dumps(config))

@@ -40,13 +40,19 @@ def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, 
 
 
 def note_environment(errors: Console, recorded: RecordedSpec) -> None:
-    """Print a note if a recorded run was made in another computing environment, or by another version."""
+    """Print a note if a recorded run was made in another computing environment, and one if it was by other code."""
     if other := difference(recorded.environment):
         named = f"in another environment: {other}" if recorded.environment else "without a note of its environment"
         print_note(
             errors,
             f"{recorded.path.parent} was recorded {named}; results may differ by rounding, or by the minimum that a "
             "solver ends in",
+        )
+    now = recorded.spec.code()
+    if recorded.code is not None and recorded.code != now:
+        print_note(
+            errors,
+            f"{recorded.path.parent} was recorded by other code, {recorded.code}; it is now {now}: results may differ",
         )
 
 

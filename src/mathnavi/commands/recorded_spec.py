@@ -25,6 +25,7 @@ class RecordedSpec:
     inputs: dict[str, str]  # digests of the files that were read, by the names of the fields
     environment: dict[str, str]  # versions and processor; empty where an earlier version did not record all of it
     latency: LatencyName | None  # simulated time that its plans took; None: none
+    code: str | None  # version of the code that it ran; None where an earlier version did not record it
     places: dict[str, str]  # "package.module:Class" in any field, with this file, unless the folder is trusted
 
     @staticmethod
@@ -57,7 +58,9 @@ class RecordedSpec:
             raise
         except ValueError as error:
             raise BadInputError(f"{path}: {error}") from None
-        return RecordedSpec(path, spec, _inputs(document), _environment(document), document.latency, places)
+        return RecordedSpec(
+            path, spec, _inputs(document), _environment(document), document.latency, document.code, places
+        )
 
 
 def _inputs(document: RunDocument) -> dict[str, str]:

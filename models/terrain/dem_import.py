@@ -112,9 +112,9 @@ def _read(
         check_ground(raster.z / scale, raster.z, spacing, heights or GROUND, str(path), south_up=True)
         return cropped(raster, crop)
     if suffix not in (*FORMATS, *PACKED, ".npz"):
-        raise TerrainError(
-            f"{path}: the ending {suffix!r} is not known; allowed: .png, .npz, {', '.join((*FORMATS, *PACKED))}"
-        )
+        allowed = ", ".join((".png", ".npz", *FORMATS, *PACKED))
+        in_python = "; in Python an array by HeightField and write_npz" if suffix == ".npy" else ""
+        raise TerrainError(f"{path}: the ending {suffix!r} is not known; allowed: {allowed}{in_python}")
     if spacing is not None:
         raise TerrainError(f"spacing is {spacing}; {path} states its own, --resample changes it")
     if suffix != ".npz":

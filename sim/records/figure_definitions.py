@@ -80,12 +80,10 @@ DEFINITIONS: dict[str, str] = {
     ),
     # path
     "path_length_m": (
-        "Length of the way that was covered. A flight ends at the arrival radius of its target, so this may be "
+        "Length of the way that was covered. Where a run ends at the arrival radius of its target, this may be "
         "less than the straight line to it."
     ),
-    "straight_line_m": (
-        "Distance from the start to the target itself; the flight ends at the arrival radius before it."
-    ),
+    "straight_line_m": ("Distance from the start to the target itself; the run ends at the arrival radius before it."),
     "mean_height_m": "Mean height above the ground below, over time.",
     "apex_m": "Greatest height.",
     "attack_angle_max_deg": "Largest angle between the nose and the velocity, up to the target.",

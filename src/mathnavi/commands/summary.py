@@ -53,7 +53,7 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     for event in events:
         kinds.setdefault(event.kind, []).append(event)
     heading = "events"
-    for kind, same in sorted(kinds.items()):
+    for kind, same in sorted(kinds.items(), key=lambda item: (item[1][0].t, item[0])):
         table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(_first(same), overflow="fold"))
         heading = ""
     return table

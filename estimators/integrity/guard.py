@@ -164,7 +164,7 @@ class Guarded:
         return self._k - self._doubted < self._found
 
     def _compare(self, reading: Reading, doubted: bool) -> None:
-        """Run an estimator that has begun anew, and go on with it where it is the better one."""
+        """Run a freshly begun estimator, and continue with it where it is the better one."""
         verdict, better = self._rivalry.judge(reading, self._now, self._out, lost=self._astray, failed=doubted)
         if better is not None:
             self._replace(better, anew=True)

@@ -1,4 +1,4 @@
-"""Rivals: an estimator whose word is in doubt is compared with one that begins anew.
+"""Rivals: an estimator whose word is in doubt is compared with a second one, freshly begun.
 
 An estimator that finds by itself that wheels slip follows nearly all readings from a wrong pose too: where the motion
 is free, three rays do not contradict any of three coordinates, and no test of its innovations fails. So one that knows
@@ -20,7 +20,7 @@ from mathnavi.interfaces.signals import Estimate, Status
 
 
 class Verdict(Enum):
-    """What the readings so far say of a rival."""
+    """Verdict of the readings so far on a rival."""
 
     OPEN = auto()
     AGREES = auto()
@@ -78,8 +78,8 @@ class Rivalry:
     def judge(
         self, reading: Reading, now: Replay, out: frozenset[int], *, lost: bool, failed: bool
     ) -> tuple[Verdict, Replay | None]:
-        """What the reading says of a rival of the estimator ``now``, which leaves out the channels in ``out``, with the
-        rival where that is the better one; see ``Rival.judge``.
+        """Return the verdict of the reading on a rival of the estimator ``now``, without the channels in ``out``, and
+        the rival where it is the better one; see ``Rival.judge``.
         """
         self._paused -= 1
         if self._begin is None or now.estimate is None or out & now.witness.rebuilt:

@@ -1,4 +1,4 @@
-"""Worst runs of a sweep or a search: which they are, flown again into folders of their own, and linked."""
+"""Worst runs of a sweep or a search: chosen, flown again into one folder each, and linked."""
 
 from __future__ import annotations
 

@@ -210,7 +210,7 @@ def _report(
     links = worst_section(
         {each: by_content[each] for each in folders}, varied,
         lambda each, words: report_link(path, folders[each], words), len(folders),
-        "Each was flown again, bit for bit the same run; a link shows its report.",
+        "Each was flown again with the code and on the machine that wrote this page; a link shows its report.",
     )  # fmt: skip
     return write_sweep_report(path, records, varied, terrain, tracks, command, links)
 

@@ -272,6 +272,10 @@ def main() -> int:
     parser.add_argument("--pages", nargs="*", default=[], metavar="PAGE.html", help="in it; all if none is named")
     parser.add_argument("--screenshots", type=Path, metavar="FOLDER", help="keep a picture of each page here")
     arguments = parser.parse_args()
+    named = [*arguments.reports, *arguments.flat, *arguments.texts, *arguments.scenes]
+    missing = [page for page in (*named, *documented(arguments.docs, arguments.pages)) if not page.is_file()]
+    if missing:  # Chromium would show a page of its own in place of it
+        parser.error(f"no such page: {', '.join(map(str, missing))}")
     failed = False
     # Chromium's helpers may write into the profile for a moment after it has ended.
     with (

@@ -18,6 +18,7 @@ extensions = [
     "api",
     "generated",
     "scenes",
+    "signatures",
     "notebooks",
     "pdf",
     "sphinx_gallery.gen_gallery",

@@ -1,7 +1,7 @@
-"""Conversion of docstrings, plain prose with ``literals``, to reStructuredText.
+"""Conversion of docstrings, plain prose with ``literals`` and **strong** heads, to reStructuredText.
 
 An indented paragraph is a formula or a sketch and is shown verbatim; one whose lines start with ``*`` or ``-`` is a
-list; any other is prose, in which only double backquotes have a meaning.
+list; any other is prose, in which only double backquotes and pairs of double asterisks have a meaning.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 
 _BULLET = re.compile(r"[*-] +")
 _NUMBER = re.compile(r"\d+[.)] +")
+_MARKED = re.compile(r"(``.+?``|(?<![\w*])\*\*(?=[^\s*])[^*`]*[^\s*]\*\*(?![\w*]))")
 
 
 def prose(text: str | None) -> list[str]:
@@ -23,15 +24,21 @@ def prose(text: str | None) -> list[str]:
 
 
 def inline(text: str) -> str:
-    """Return a paragraph as one line, in which only ``literals`` are marked up."""
-    parts = re.split(r"(``.+?``)", " ".join(text.split()))
+    """Return a paragraph as one line, in which only ``literals`` and **strong** words are marked up."""
+    parts = _MARKED.split(" ".join(text.split()))
     for k, part in enumerate(parts):
         if k % 2 == 0:
-            parts[k] = re.sub(r"([\\*`|_]|(?<!http)(?<!https):(?=\S))", r"\\\1", part)
+            parts[k] = _escaped(part)
+        elif part.startswith("**"):
+            parts[k] = f"**{_escaped(part[2:-2])}**"
         else:  # a literal begins and ends beside a space or a sign; beside a letter, reST needs an escaped space
             before, after = parts[k - 1][-1:], parts[k + 1][:1]
             parts[k] = "\\ " * before.isalnum() + part + "\\ " * after.isalnum()
     return "".join(parts)
+
+
+def _escaped(text: str) -> str:
+    return re.sub(r"([\\*`|_]|(?<!http)(?<!https):(?=\S))", r"\\\1", text)
 
 
 def _paragraph(lines: list[str]) -> list[str]:
@@ -52,7 +59,7 @@ def _paragraph(lines: list[str]) -> list[str]:
 
 def _sentence(lines: list[str]) -> str:
     text = inline(" ".join(lines))
-    return rf"\{text}" if re.match(r"[-+*.:=~^\"'#>(]|\w+[.)] |>>>", text) and not text.startswith("``") else text
+    return rf"\{text}" if re.match(r"[-+*.:=~^\"'#>(]|\w+[.)] |>>>", text) and not text.startswith(("``", "**")) else text
 
 
 def _items(lines: list[str], marker: re.Pattern[str]) -> list[str]:

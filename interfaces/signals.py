@@ -91,7 +91,7 @@ class Plan:
 
     Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of
     rest in which the vehicle stays, or that in which it meets its target. A plan whose ``status`` is not ``OK`` is a
-    recorded failure and is never flown; its arrays may be empty.
+    failure that is recorded and is never flown; its arrays may be empty.
     """
 
     t: Array  # (K + 1,) [s] absolute, increasing

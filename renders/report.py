@@ -143,7 +143,7 @@ def still_block(directory: Path, camera: str, t: float, alt: str, caption: str) 
 def summary_cards(summary: Mapping[str, Any]) -> Markup:
     """The figures of the summary in their groups."""
     shown = {name: [key for key in group if key in summary] for name, group in SUMMARY_GROUPS.items()}
-    shown["other"] = _own_figures(summary)
+    shown["scenario"] = _own_figures(summary)
     return page.columns(
         {
             name.capitalize(): page.table((), [(page.term(key), quantity(key, summary[key])) for key in keys])

@@ -237,7 +237,7 @@ def _clearance(sweep: Sweep) -> list[Markup]:
         f"allowed {bound:g} m" if bound is not None else "",
     )
     everything = np.concatenate(list(samples.values()))
-    words = f"How many trials came how near to the ground; the least clearance of all is {number(everything.min())} m."
+    words = f"Share of the trials whose least clearance is below each value; the smallest of all is {number(everything.min())} m."
     if lost := int(np.isneginf(everything).sum()):
         words += f" It is {number(-np.inf)} where a vehicle left the map, as in {lost} of {len(everything)} trials; "
         words += "the curve begins with their share, at the left edge."

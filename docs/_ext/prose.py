@@ -59,7 +59,8 @@ def _paragraph(lines: list[str]) -> list[str]:
 
 def _sentence(lines: list[str]) -> str:
     text = inline(" ".join(lines))
-    return rf"\{text}" if re.match(r"[-+*.:=~^\"'#>(]|\w+[.)] |>>>", text) and not text.startswith(("``", "**")) else text
+    marked = text.startswith(("``", "**"))
+    return rf"\{text}" if re.match(r"[-+*.:=~^\"'#>(]|\w+[.)] |>>>", text) and not marked else text
 
 
 def _items(lines: list[str], marker: re.Pattern[str]) -> list[str]:

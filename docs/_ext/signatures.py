@@ -1,4 +1,4 @@
-"""Signatures of one parameter a line: Sphinx writes a ``<dl>`` without terms, which a screen reader takes for a fault."""
+"""Signatures with one parameter a line, as lists: Sphinx writes a ``<dl>`` without terms, which is no valid HTML."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def _summaries(left: Mapping[str, Any], right: Mapping[str, Any], names: Names) 
         left_out.add("efficiency")
     keys = [key for key in dict.fromkeys([*left, *right]) if key not in left_out]
     by_clock = [key for key in keys if is_wall_clock(key)]
-    groups = {**SUMMARY_GROUPS, "other": [key for key in keys if key not in grouped]}
+    groups = {**SUMMARY_GROUPS, "scenario": [key for key in keys if key not in grouped]}
     chosen = {name: [key for key in group if key in keys and key not in by_clock] for name, group in groups.items()}
     rows: list[tuple[str, ...]] = []
     for name, group in {**chosen, "by a clock": by_clock}.items():

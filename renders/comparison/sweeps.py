@@ -124,7 +124,7 @@ def _medians_table(bands: Mapping[str, tuple[Band | None, Band | None]], names: 
         texts = [band.text() if band else UNKNOWN for band in (one, other)]
         rows.append((f"{name} [{unit}]" if unit else name, *texts, *differences(*medians), _apart(one, other)))
     heads = ("figure", *names, "difference", "ratio", "bands")
-    return Table("Medians with 95 % bands (bootstrap, from six trials on)", heads, rows)
+    return Table("Medians, with 95 % confidence intervals from six trials on (bootstrap)", heads, rows)
 
 
 def _apart(one: Band | None, other: Band | None) -> str:

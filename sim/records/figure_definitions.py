@@ -31,11 +31,11 @@ DEFINITIONS: dict[str, str] = {
         "Mean of e'P⁻¹e over the last quarter, e the error and P the covariance that the estimator states: about "
         "the number of components if P is right, more if the estimator is overconfident."
     ),
-    "observable": "What ranges to this wall can determine at most, however the robot moves.",
+    "observable": "The most that ranges to this wall can determine, however the robot moves.",
     "lost_ranges": "Share of the single ranges that did not arrive.",
-    "initialising_s": "Time in which the estimator had no estimate yet.",
-    "lost_s": "Time in which the estimator said that its estimate is lost.",
-    "degraded_s": "Time in which the estimator said that its estimate is worse than it should be.",
+    "initialising_s": "Time before the first estimate.",
+    "lost_s": "Time during which the estimator reported LOST.",
+    "degraded_s": "Time during which the estimator reported DEGRADED: the estimate is worse than it should be.",
     "velocity_rms": "Root mean square error of the components of velocity, from the time on at which errors count.",
     "position_rms": (
         "Root mean square of the distance between true and estimated position, measured by the metric of the "
@@ -105,7 +105,7 @@ DEFINITIONS: dict[str, str] = {
     "ground_contacts": "Number of times that a vehicle touched the ground.",
     "touched_wall": "The robot touched the wall.",
     "speed_max_m_s": "Greatest speed.",
-    "missed_passes": "Number of times that a target that moves was not met where a plan had promised to.",
+    "missed_passes": "Number of times that the vehicle passed its moving target outside the arrival radius, although its plan met it.",
     "guarantee_lost": (
         "Number of times that the guarantee was lost, or never began: that the vehicle can go on to its target, "
         "or to a hover, above the ground."
@@ -130,21 +130,21 @@ DEFINITIONS: dict[str, str] = {
     "tracking_error_max_m": "Largest distance from the plan.",
     "tracking_error_rms_m": "Root mean square of the distance from the plan.",
     "tracking_bound_m": (
-        "Deviation from the plan that the tracker declares it stays below; the certificate relies on it."
+        "Largest deviation from the plan that the tracker declares. Plans are certified for it; an excess is a breach."
     ),
     "tracking_bound_horizontal_m": "Horizontal part of the tracking bound.",
     "tracking_bound_vertical_m": "Vertical part of the tracking bound.",
     "rebased_plans": (
-        "Number of plans that begin at the estimate of the vehicle's state, because the plan before was void, and "
-        "not where that plan would have led."
+        "Number of plans that start from the estimated state, because the previous plan could not be flown any more. "
+        "All others start on the previous plan."
     ),
     "tilt_max_deg": "Largest angle between the thrust and the vertical.",
     "thrust_mean_share": "Mean thrust that was asked of a rotor, over the greatest one.",
     "thrust_max_share": "Largest thrust that was asked of a rotor, over the greatest one.",
     "saturated_share": "Share of the commands to rotors that are at a bound of their thrust.",
-    "saturated_s": "Time in which a command was beyond the bounds of an input.",
+    "saturated_s": "Time during which a command exceeded the bounds of an input.",
     "inputs_clipped": (
-        "Number of times that commands began to be beyond the bounds of an input, and were cut to them."
+        "Number of times that a command left the bounds of an input and was clipped."
     ),
     # planning
     "planner_share": (
@@ -158,22 +158,23 @@ DEFINITIONS: dict[str, str] = {
         "Number of plans that the other vehicles had not acknowledged in time, and that did not take over."
     ),
     "proposals_refused": "Number of plans that another vehicle refused, because they come too near to its own.",
-    "arrivals_deferred": "Number of times that a vehicle put its arrival off, because its plans were not in time.",
-    "arrivals_unkept": "Number of arrivals that were agreed on and that the plan being flown does not keep.",
+    "arrivals_deferred": "Number of times that a vehicle postponed its arrival, because its plans came too late.",
+    "arrivals_unkept": "Number of agreed arrival times that the current plan does not keep.",
     "outliers": "Number of times that a vehicle gave up its own time of arrival for that on which the others agree.",
-    "clocks_apart": "Number of times that two clocks of a fleet were seen to differ by more than is allowed.",
+    "clocks_apart": "Number of times that two clocks of a fleet differed by more than is allowed.",
     "manoeuvres_rejected": "Number of plans that were refused because of the safety manoeuvre at their end.",
-    "late_plans": "Number of plans that were ready after the time at which they were to take over.",
+    "late_plans": "Number of plans that were ready only after the time at which they were to start.",
     "fallback_steps": (
-        "Number of requests after which the plan before went on: no plan, a refused one, or a late one."
+        "Number of planning steps in which the vehicle stayed on its previous plan, because the new one was missing, "
+        "refused or late."
     ),
     # solver
-    "solver_failures": "Number of requests for a plan that the planner answered with an error or with no plan.",
-    "iteration_limits": "Number of plans for which the planner had stopped at its limit of iterations.",
-    "solve_ms_mean": "Wall-clock time of one optimisation of the planner: the mean.",
-    "solve_ms_p50": "Wall-clock time of one optimisation of the planner: the median.",
-    "solve_ms_p99": "Wall-clock time of one optimisation of the planner: of 100, 99 took no longer.",
-    "solve_ms_max": "Wall-clock time of one optimisation of the planner: the longest.",
+    "solver_failures": "Number of planning requests that ended with an error or without a plan.",
+    "iteration_limits": "Number of plans at which the solver had stopped at its iteration limit.",
+    "solve_ms_mean": "Mean wall-clock time of one optimisation of the planner.",
+    "solve_ms_p50": "Median wall-clock time of one optimisation of the planner.",
+    "solve_ms_p99": "Wall-clock time that 99 % of the planner's optimisations did not exceed.",
+    "solve_ms_max": "Longest wall-clock time of one optimisation of the planner.",
     # bound
     "efficiency": (
         "Root mean square error of the estimate over the least that any estimator could have with these readings "

@@ -53,7 +53,7 @@ UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "m
 # Labels that do not follow from the name; |v| is a length in the metric of the system.
 LABELS = {
     "efficiency": ("rms over Cramér-Rao", ""),
-    "efficiency_basis": ("over", ""),
+    "efficiency_basis": ("computed from", ""),
     "velocity_rms": ("velocity error, rms", "in units of v"),
     "position_rms": ("distance of position, rms", "in the metric"),
     "velocity_rms_last_quarter": ("|Δv| of the last quarter", "in the metric"),

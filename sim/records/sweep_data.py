@@ -99,7 +99,7 @@ class Sweep:
         """Return the kinds of events that have rates, by name."""
         tests: dict[str, Test] = {
             "success": lambda record: record.success is True,
-            "recorded failure": lambda record: record.status != "ok",
+            "no result": lambda record: record.status != "ok",
         }
         flights: dict[str, Test] = {
             "below h_min": _too_low, "nearer to each other than allowed": _too_near, "late or not arrived": _late,

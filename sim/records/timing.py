@@ -132,7 +132,7 @@ def timing_table(timing: Timing) -> tuple[tuple[str, ...], list[tuple[str, ...]]
                 busiest[component] = vehicle, figures
     fleet = len(timing.vehicles) > 1
     return (
-        ("wall time of", *(("vehicle",) if fleet else ()), "median", "99 %", "worst", "period", "share", "longer"),
+        ("wall time of", *(("vehicle",) if fleet else ()), "median", "99 %", "worst", "period", "share of it", "overruns"),
         [
             (
                 component,

@@ -139,11 +139,11 @@ def test_a_mission_without_success_says_what_it_did_not_do() -> None:
     assert "not arrived" in Page(report(Sweep([*LISTED, missed], []), None, [], COMMAND)).words
 
 
-def test_a_recorded_failure_is_no_success_and_says_nothing_of_clearances() -> None:
+def test_a_trial_without_a_result_is_no_success_and_says_nothing_of_clearances() -> None:
     sweep = Sweep([*LISTED, broken(90, 4)], [])
     (group,) = sweep.groups
     assert group.rate(sweep.events["success"]) == rate(32, 33)
-    assert group.rate(sweep.events["recorded failure"]) == rate(1, 33)
+    assert group.rate(sweep.events["no result"]) == rate(1, 33)
     assert group.rate(sweep.events["below h_min"]) == rate(0, 32)
     assert group.rate(sweep.events["any ground contacts"]) == rate(0, 32)
 

@@ -19,7 +19,7 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import PATH_RATIO, Sweep, TrialGroup, format_numbers, format_value, planned_by_none
 
 # Shown first: of a flight these, of another scenario those that come first.
-FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
+FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "no result")
 FIGURES = (
     PATH_RATIO, "arrival_time_s", "min_clearance_m", "control_effort",
     "miss_m", "aspect_error_deg", "impact_speed_m_s", "cost",
@@ -76,9 +76,9 @@ def verdict(records: Sequence[Record]) -> str:
 
 def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], lead: Sequence[Column]) -> None:
     lead = [*lead, Column("trials", [str(len(group.records)) for group in groups])]
-    _print_table(console, "rates with 95 % limits (Clopper-Pearson)", lead, _rates(sweep, groups))
+    _print_table(console, "rates, with 95 % confidence limits (Clopper-Pearson)", lead, _rates(sweep, groups))
     if medians := _medians(sweep, groups):
-        _print_table(console, "medians with 95 % bands (bootstrap, from six trials on)", lead, medians)
+        _print_table(console, "medians, with 95 % confidence intervals from six trials on (bootstrap)", lead, medians)
 
 
 def _print_table(console: Console, heading: str, lead: Sequence[Column], columns: Sequence[Column]) -> None:
@@ -132,7 +132,8 @@ def _failures(records: Sequence[Record]) -> Iterator[Table]:
             seen.setdefault((record.status, message), []).append(record.seed)
     if not seen:
         return
-    table = Table(title="recorded failures", title_justify="left", title_style="bold", box=None, padding=(0, GAP, 0, 0))
+    title = "trials without a result"
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, GAP, 0, 0))
     for name in ("status", "trials", "seed"):
         table.add_column(name, no_wrap=True)
     table.add_column("message", overflow="fold")

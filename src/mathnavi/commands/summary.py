@@ -42,7 +42,7 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     table.add_column()
     grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
     rest = tuple(key for key in summary if key not in grouped and key not in SHOWN_ELSEWHERE)
-    for group, keys in {**SUMMARY_GROUPS, "other": rest}.items():
+    for group, keys in {**SUMMARY_GROUPS, "scenario": rest}.items():
         heading = group
         for key in keys:
             if key in summary and key not in SHOWN_ELSEWHERE and not (key == "efficiency" and summary[key] is None):

@@ -139,7 +139,7 @@ def statistics(terrain: HeightField) -> str:
         "heights": f"{terrain.z.min():.1f} to {terrain.z.max():.1f} m",
         "steepest": f"{steepest(terrain):.1f} degrees, of any triangle",
         **_lost(terrain),
-        "datum": terrain.datum or "not stated; of ellipsoid and geoid one is up to 100 m above the other",
+        "datum": terrain.datum or "not stated (heights above the ellipsoid and above the geoid differ by up to 100 m)",
         "source": terrain.source or "not stated",
         "licence": terrain.licence or "not stated",
         "digest": terrain.digest,

@@ -98,8 +98,10 @@ def _found(sweep: Sweep) -> str:
     known = [
         (float(value), record.seed)
         for record in sweep.records
-        if is_number(value := record.summary.get(CLEARANCE)) and np.isfinite(value)
+        if is_number(value := record.summary.get(CLEARANCE)) and not np.isposinf(value)
     ]
+    if lost := [seed for clearance, seed in known if np.isneginf(clearance)]:
+        return f"{words}; a vehicle left the map in {len(lost):,} (as with seed {min(lost)})"
     if not known:
         return words
     least, seed = min(known)
@@ -237,7 +239,8 @@ def _clearance(sweep: Sweep) -> list[Markup]:
         f"allowed {bound:g} m" if bound is not None else "",
     )
     everything = np.concatenate(list(samples.values()))
-    words = f"Share of the trials whose least clearance is below each value; the smallest of all is {number(everything.min())} m."
+    least = number(everything.min())
+    words = f"Share of the trials whose least clearance is below each value; the smallest of all is {least} m."
     if lost := int(np.isneginf(everything).sum()):
         words += f" It is {number(-np.inf)} where a vehicle left the map, as in {lost} of {len(everything)} trials; "
         words += "the curve begins with their share, at the left edge."

@@ -96,14 +96,15 @@ def _found(sweep: Sweep) -> str:
     succeeded = sum(record.status == "ok" and record.success is True for record in sweep.records)
     words = f"{succeeded:,} of {counted(len(sweep.records), 'trial')} succeeded"
     known = [
-        (float(value), record.seed)
-        for record in sweep.records
+        (float(value), record.seed, k)
+        for k, record in enumerate(sweep.records)
         if is_number(value := record.summary.get(CLEARANCE)) and np.isfinite(value)
     ]
     if not known:
         return words
-    least, seed = min(known)
-    return f"{words}; least clearance {quantity(CLEARANCE, least)} (seed {seed})"
+    least, seed, k = min(known)
+    of_fields = (f", {name} {format_value(sweep.records[k].fields.get(name))}" for name in sweep.varied)
+    return f"{words}; least clearance {quantity(CLEARANCE, least)} (seed {seed}{''.join(of_fields)})"
 
 
 def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:

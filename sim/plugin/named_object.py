@@ -53,7 +53,8 @@ def objects_in(module: ModuleType) -> dict[str, Any]:
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     plugins = [value for value in public.values() if isinstance(value, type) and hasattr(value, "Config")]
     others = {id(each) for plugin in plugins for each in (plugin, plugin.Config)}
-    return {name: value for name, value in public.items() if id(value) not in others and _is_offered(value, module)}
+    offered = {name: value for name, value in public.items() if id(value) not in others}
+    return {name: value for name, value in offered.items() if _is_offered(value, module)}
 
 
 def _is_offered(value: Any, module: ModuleType) -> bool:

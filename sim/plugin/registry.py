@@ -186,8 +186,8 @@ def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
         if names and not callable(names) and not hasattr(estimator, name):
             own = type(estimator).__name__
             raise PluginError(
-                f"estimators: {spec.name!r} declares {name}, and the estimator that build() returns, {_kind(estimator)}, "
-                f"does not; allowed: in class {own}: {name} = {names!r:.200}"
+                f"estimators: {spec.name!r} declares {name}, and the estimator that build() returns, "
+                f"{_kind(estimator)}, does not; allowed: in class {own}: {name} = {names!r:.200}"
             )
     return estimator
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -64,13 +64,12 @@ Module = Callable[..., str]
 
 
 @pytest.fixture
-def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Module:
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Iterator[Module]:
     """Write the code above, with replacements and an addition, as a module of the test's own; return its name."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setenv("COLUMNS", "400")
     name = f"own_{abs(hash(request.node.name))}"
-    request.addfinalizer(lambda: sys.modules.pop(name, None))
 
     def written(*replaced: tuple[str, str], added: str = TANK) -> str:
         text = CODE + added
@@ -80,7 +79,8 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.Fixt
         Path(f"{name}.py").write_text(text, encoding="utf-8")
         return name
 
-    return written
+    yield written
+    sys.modules.pop(name, None)
 
 
 def checked(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> str:

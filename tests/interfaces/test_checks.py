@@ -37,7 +37,14 @@ def test_a_name_that_is_given_twice_is_refused() -> None:
 
 FLAGS = (
     *("--seed", "--start", "--store", "--terrain", "--target", "--trials", "--trust", "--out", "--video", "--duration"),
-    *("--noise.position", "--planner.nodes", "--planner.margin", "--estimator", "--estimator.timeout", "--faults.gust-rms"),
+    *(
+        "--noise.position",
+        "--planner.nodes",
+        "--planner.margin",
+        "--estimator",
+        "--estimator.timeout",
+        "--faults.gust-rms",
+    ),
 )
 
 

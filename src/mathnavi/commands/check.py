@@ -33,9 +33,10 @@ class CheckOptions:
 
     subject: Annotated[str, Positional("MODEL.xml|MODULE:Class")]
     """path of an MJCF file, dm_control:NAME or menagerie:NAME; or a plug-in: its name, MODULE:Class or FILE.py:Class"""
-    mission: Annotated[str | None, ValueName("FILE.py:NAME")] = None
-    """description of the vehicle and its sensors for an estimator over a log: an object, or a function that returns
-    one, of a Python file or, as package.module:NAME, of a module; one in the estimator's own file if not given"""
+    mission: Annotated[str | None, ValueName("FILE.py:NAME|MODULE:NAME")] = None
+    """description of the vehicle and its sensors, of an estimator over a log: an object, or a function that returns
+    one, of a Python file, FILE.py:NAME, or of a module, package.module:NAME; one in the estimator's own file if not
+    given"""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -64,7 +65,8 @@ def _checked(subject: str, mission: str) -> CheckResult:
 def _print(result: CheckResult) -> None:
     console = Console(markup=False, emoji=False, highlight=False)
     stopping = [finding for finding in result.findings if finding.stops]
-    verdict = "nothing is missing" if result.fits else f"{len(stopping)} missing"
+    refused = any(finding.word == "refused" for finding in stopping)
+    verdict = "MuJoCo refuses it" if refused else f"{len(stopping)} missing" if stopping else "nothing is missing"
     console.print(f"{result.subject}: {verdict}", style="bold")
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
@@ -72,7 +74,7 @@ def _print(result: CheckResult) -> None:
     for heading, text in result.facts:
         table.add_row(heading, Text(text))
     for finding in (*stopping, *(each for each in result.findings if not each.stops)):
-        word, colour = ("missing", "bold red") if finding.stops else ("note", "yellow")
+        word, colour = (finding.word, "bold red") if finding.stops else ("note", "yellow")
         table.add_row(Text(word, colour), Text(finding.what))
         if finding.write:
             table.add_row("write", Text(finding.write, "bold"))

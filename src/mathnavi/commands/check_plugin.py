@@ -121,7 +121,10 @@ def _check_part(kind: str, plugin: Any, result: CheckResult, given: str = "") ->
     An estimator is checked over a log too, if there is a mission: the ``given`` one, or one in its own module.
     """
     part, mission = WORDS[kind], _mission_of(plugin)
-    scenarios, over_log = loadable("scenarios"), given or (_own_mission(plugin, mission) if kind == "estimators" else "")
+    scenarios, over_log = (
+        loadable("scenarios"),
+        given or (_own_mission(plugin, mission) if kind == "estimators" else ""),
+    )
     if mission is None:
         result.note(
             "build() does not say which mission it is for: with another one it fails where it first misses something",
@@ -154,7 +157,9 @@ def _check_part(kind: str, plugin: Any, result: CheckResult, given: str = "") ->
     if over_log:
         check_over_log(PluginSpec.with_fields(plugin), over_log, result)
     elif kind == "estimators" and not taking and not refusing:
-        result.note("it was not run, for no mission is known for it", f"mathnavi check {result.subject} --mission {PLACE}")
+        result.note(
+            "it was not run, for no mission is known for it", f"mathnavi check {result.subject} --mission {PLACE}"
+        )
     for name, refusal in refusing.items():
         if mission is not None:
             result.note(f"{name} with its default fields does not take it: {' '.join(str(refusal).split())}", "")

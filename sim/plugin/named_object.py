@@ -45,10 +45,10 @@ def named_object(place: str) -> Any:
 
 
 def objects_in(module: ModuleType) -> dict[str, Any]:
-    """Return by name what a module has to offer as such an object: instances, and what makes one without arguments.
+    """Return by name what a module offers as such an object: instances, and what makes one without arguments.
 
-    Modules, types and values (numbers, texts, lists, arrays) are none, nor are functions and classes that it has imported,
-    and plug-ins and their configurations.
+    Modules, types and values (numbers, texts, lists, arrays) are none, nor are functions and classes that it has
+    imported, and plug-ins and their configurations.
     """
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     plugins = [value for value in public.values() if isinstance(value, type) and hasattr(value, "Config")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import errno
 import math
 import os
@@ -14,7 +13,7 @@ from mathnavi.interfaces.errors import FieldError
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Linux and macOS accept
 _LONGEST_PLAIN = 100  # [bytes], which leaves room for endings
 PAGES = (".html", ".htm")  # endings of a page
-_CLOSE = 0.6  # similarity from which an unknown name counts as misspelt
+_OFFERED = 3  # names in the place of a misspelt one
 
 
 def check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
@@ -102,5 +101,50 @@ def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
 
 
 def close_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return the names that a misspelt one may stand for, the nearest first."""
-    return difflib.get_close_matches(name, known, 3, _CLOSE)
+    """Return the names that a misspelt one may stand for: up to three at the least distance, none if all are far.
+
+    Each part of a name, between points, may be off by a third of its letters; case, "-" and "_" do not count. Where no
+    name is that close, those that begin with the given one count, or one with which it begins.
+    """
+    given, far = _folded(name), len(name) + 1
+    distances = {each: _distance_by_part(given, _folded(each), far) for each in known}
+    least = min(distances.values(), default=far)
+    if least == far:
+        return [each for each in distances if _continues(given, _folded(each))][:_OFFERED]
+    return [each for each, distance in distances.items() if distance == least][:_OFFERED]
+
+
+def _folded(name: str) -> str:
+    return name.lstrip("-").casefold().replace("_", "-")
+
+
+def _distance_by_part(given: str, known: str, far: int) -> int:
+    """Return the number of edits between two names, ``far`` if a part of one is no misspelling of the other's."""
+    parts, others = given.split("."), known.split(".")
+    edits = [edit_distance(part, other) for part, other in zip(parts, others, strict=False)]
+    close = all(edit <= len(part) // 3 for edit, part in zip(edits, parts, strict=False))
+    return sum(edits) if close and len(parts) == len(others) else far
+
+
+def _continues(given: str, known: str) -> bool:
+    """Return True if one name begins with the other, which is half of it at least, and not the group of its fields."""
+    short, long = sorted((given, known), key=len)
+    return long.startswith(short) and long[len(short)] != "." and 2 * len(short) >= len(long)
+
+
+def edit_distance(first: str, second: str) -> int:
+    """Return the least number of letters to insert, remove, replace or swap with their neighbour between two texts.
+
+    No letter is edited twice (optimal string alignment): d[i, j] is the distance of the first i and j letters.
+    """
+    before: list[int] = []
+    row = [*range(len(second) + 1)]
+    for i, letter in enumerate(first, 1):
+        last, row = row, [i]
+        for j, other in enumerate(second, 1):
+            edits = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (letter != other))
+            if i > 1 and j > 1 and letter == second[j - 2] and first[i - 2] == other:
+                edits = min(edits, before[j - 2] + 1)
+            row.append(edits)
+        before = last
+    return row[-1]

@@ -167,7 +167,8 @@ class PlantWithActivations(Plant, Protocol):
 class Estimator(Protocol):
     """Estimator: from measurements to an estimate.
 
-    It may also have ``numbers``, the "name [unit]" of each number of an estimate that is not of the whole state.
+    It may also have ``numbers``, the "name [unit]" of each number of an estimate that is not of the whole state, and
+    ``figures``, those of the numbers of each array in ``Estimate.extra``, by its key.
     """
 
     period: float  # [s]
@@ -303,12 +304,18 @@ class EstimatorPlugin(Protocol):
 
     @staticmethod
     def sensors(config: Any, mission: Any) -> tuple[Sensor, ...]:
-        """Return the sensors that the estimator needs; the scenario mounts exactly these."""
+        """Return the sensors that the estimator needs; the scenario mounts exactly these.
+
+        An estimator that only runs over logs may return objects with ``name`` and ``size`` alone.
+        """
         ...
 
     @staticmethod
     def quality(config: Any, mission: Any) -> Any:
-        """Return the quality of its estimates in the scenario's terms, ``EstimateQuality`` for aerial missions."""
+        """Return the quality of its estimates in the scenario's terms, ``EstimateQuality`` for aerial missions.
+
+        Only a scenario whose certificate of plans relies on the estimates needs it; otherwise it may be left out.
+        """
         ...
 
     @staticmethod

@@ -96,16 +96,17 @@ def _found(sweep: Sweep) -> str:
     succeeded = sum(record.status == "ok" and record.success is True for record in sweep.records)
     words = f"{succeeded:,} of {counted(len(sweep.records), 'trial')} succeeded"
     known = [
-        (float(value), record.seed)
-        for record in sweep.records
+        (float(value), record.seed, k)
+        for k, record in enumerate(sweep.records)
         if is_number(value := record.summary.get(CLEARANCE)) and not np.isposinf(value)
     ]
-    if lost := [seed for clearance, seed in known if np.isneginf(clearance)]:
-        return f"{words}; a vehicle left the map in {len(lost):,} (as with seed {min(lost)})"
     if not known:
         return words
-    least, seed = min(known)
-    return f"{words}; least clearance {quantity(CLEARANCE, least)} (seed {seed})"
+    least, seed, k = min(known)
+    of_fields = "".join(f", {name} {format_value(sweep.records[k].fields.get(name))}" for name in sweep.varied)
+    if lost := sum(np.isneginf(clearance) for clearance, *_ in known):
+        return f"{words}; a vehicle left the map in {lost:,} (as with seed {seed}{of_fields})"
+    return f"{words}; least clearance {quantity(CLEARANCE, least)} (seed {seed}{of_fields})"
 
 
 def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:

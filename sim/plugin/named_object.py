@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import inspect
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, get_origin
+
+import numpy as np
 
 from mathnavi.interfaces.checks import allowed_for
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.failures import failures_named
 
+_Feature = type(annotations)  # of `from __future__ import annotations`
+
 PLACE = "FILE.py:NAME or package.module:NAME"
+_VALUES = (bool, int, float, complex, str, bytes, tuple, list, set, dict, np.ndarray, np.generic, type(None))
 
 
 def named_object(place: str) -> Any:
@@ -30,13 +36,39 @@ def named_object(place: str) -> Any:
     with failures_named(f"{place!r}: {origin} cannot be imported:", PluginError):
         module = _module_of(Path(origin)) if origin.endswith(".py") else importlib.import_module(origin)
     if not hasattr(module, name):
-        own = [each for each in vars(module) if not each.startswith("_")]
-        raise PluginError(f"{place!r}: {origin} has no {name}; {allowed_for(name, own)}")
+        raise PluginError(f"{place!r}: {origin} has no {name}; {allowed_for(name, list(objects_in(module)))}")
     found = getattr(module, name)
     if not callable(found):
         return found
     with failures_named(f"{place!r}: {name}() failed:", PluginError):
         return found()
+
+
+def objects_in(module: ModuleType) -> dict[str, Any]:
+    """Return by name what a module offers as such an object: instances, and what makes one without arguments.
+
+    Modules, types and values (numbers, texts, lists, arrays) are none, nor are functions and classes that it has
+    imported, and plug-ins and their configurations.
+    """
+    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    plugins = [value for value in public.values() if isinstance(value, type) and hasattr(value, "Config")]
+    others = {id(each) for plugin in plugins for each in (plugin, plugin.Config)}
+    offered = {name: value for name, value in public.items() if id(value) not in others}
+    return {name: value for name, value in offered.items() if _is_offered(value, module)}
+
+
+def _is_offered(value: Any, module: ModuleType) -> bool:
+    if isinstance(value, ModuleType | _Feature) or type(value) in _VALUES or get_origin(value) is not None:
+        return False
+    if not (isinstance(value, type) or inspect.isroutine(value)):
+        return True
+    if getattr(value, "__module__", None) != module.__name__:
+        return False
+    try:
+        inspect.signature(value).bind()
+    except (TypeError, ValueError):  # it needs arguments, or does not say which
+        return False
+    return True
 
 
 def _module_of(path: Path) -> ModuleType:

@@ -35,12 +35,16 @@ _OWN = "mathnavi"  # the package of the built-in plug-ins
 
 NEEDED = {  # of the class itself, besides Config
     "controllers": ("build",),
-    "estimators": ("build", "sensors", "quality"),
+    "estimators": ("build", "sensors"),
     "consensus": ("build", "within_starts"),
     "scenarios": ("build", "controller", "estimator"),
     "studies": ("run", "quick", "title"),
     "logs": ("accepts", "read"),
 }
+
+MOUNTED = ("name", "size", "rate", "read")  # of a sensor on a vehicle, which is read at its rate
+LOGGED = ("name", "size")  # of one whose readings a log has; it is never read again
+DECLARED = ("numbers", "figures")  # names that an estimator may declare
 
 
 class OtherMissionError(PluginError):
@@ -87,11 +91,21 @@ def load(kind: str, name: str) -> Any:
     or if it declares no frozen configuration.
     """
     point = point_of(kind, name)
-    check_loaded(name)
-    with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
-        plugin = _at(kind, name) if point.value == name else point.load()
+    if point.value == name:
+        plugin = class_at(kind, name)
+    else:
+        check_loaded(name)
+        with failures_named(f"{kind}: {name!r} cannot be imported:", PluginError):
+            plugin = point.load()
     check_class(kind, plugin, name)
     return plugin
+
+
+def class_at(kind: str, place: str) -> Any:
+    """Return the class at "package.module:Class"; PluginError if it cannot be imported. It may be no plug-in."""
+    check_loaded(place)
+    with failures_named(f"{kind}: {place!r} cannot be imported:", PluginError):
+        return _at(kind, place)
 
 
 def point_of(kind: str, name: str) -> EntryPoint:
@@ -159,10 +173,22 @@ def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None
 
 
 def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
-    """Return the estimator that a plug-in builds; PluginError as for a controller."""
+    """Return the estimator that a plug-in builds; PluginError as for a controller.
+
+    Names of its estimates' numbers are those of the estimator. Declared on the plug-in's class alone they would be
+    ignored, so they are refused there.
+    """
     check_class("estimators", spec.plugin, spec.name)
     estimator: Estimator = _invoke("estimators", spec, "build", mission)
     _check_made(f"estimators: {spec.name!r}: build() returned the estimator", estimator, "update")
+    for name in DECLARED:
+        names = getattr(spec.plugin, name, None)
+        if names and not callable(names) and not hasattr(estimator, name):
+            own = type(estimator).__name__
+            raise PluginError(
+                f"estimators: {spec.name!r} declares {name}, and the estimator that build() returns, "
+                f"{_kind(estimator)}, does not; allowed: in class {own}: {name} = {names!r:.200}"
+            )
     return estimator
 
 
@@ -181,23 +207,31 @@ def checked_consensus(spec: PluginSpec, mission: Any) -> Consensus:
     return consensus
 
 
-def checked_sensors(spec: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
-    """Return the sensors that a vehicle carries for an estimator; PluginError as for a controller."""
+def checked_sensors(spec: PluginSpec, mission: Any, needed: Sequence[str] = MOUNTED) -> tuple[Sensor, ...]:
+    """Return the sensors that an estimator reads, each with the attributes that are ``needed``.
+
+    Those are MOUNTED for the sensors of a vehicle, LOGGED for those of a log. PluginError as for a controller.
+    """
     check_class("estimators", spec.plugin, spec.name)
     sensors = _invoke("estimators", spec, "sensors", mission)
     subject = f"estimators: {spec.name!r}: sensors() returned"
     if not isinstance(sensors, Sequence):
         raise PluginError(f"{subject} {_kind(sensors)}; allowed: a tuple of sensors")
     for sensor in sensors:
-        if missing := [name for name in ("name", "size", "rate", "read") if not hasattr(sensor, name)]:
+        if missing := [name for name in needed if not hasattr(sensor, name)]:
+            logged = not set(missing) & {*LOGGED} and needed is MOUNTED
             raise PluginError(
-                f"{subject} {_kind(sensor)} without {' and '.join(missing)}; allowed: name, size, rate, read()"
+                f"{subject} {_kind(sensor)} without {' and '.join(missing)}; allowed: {', '.join(needed)}"
+                f"{'; over a log name and size are enough' if logged else ''}"
             )
     return tuple(sensors)
 
 
 def checked_quality(spec: PluginSpec, mission: Any, quality: type[Quality]) -> Quality:
-    """Return the quality of a plug-in's estimates, of the given type; PluginError as for a controller."""
+    """Return the quality of a plug-in's estimates, of the given type; PluginError as for a controller.
+
+    Only scenarios that rely on it ask for it, and only these refuse a plug-in without ``quality``.
+    """
     check_class("estimators", spec.plugin, spec.name)
     answer = _invoke("estimators", spec, "quality", mission)
     if not isinstance(answer, quality):
@@ -259,7 +293,8 @@ def _at(kind: str, place: str) -> Any:
         found = getattr(module, "__file__", None) or name
         classes = {each: value for each, value in vars(module).items() if isinstance(value, type)}
         own = [each for each, value in classes.items() if f"{value.__module__}.".startswith(f"{name}.")]
-        built = [each for each in own if hasattr(getattr(module, each), "build")]
+        needed = NEEDED.get(kind, ("build",))
+        built = [each for each in own if all(hasattr(classes[each], attribute) for attribute in needed)]
         allowed = allowed_for(attribute, built) if built else f"allowed: {_PLACE}"
         wrong = f"{found} has no {attribute}" if attribute else "it names no class"
         raise PluginError(f"{kind}: {place!r} cannot be imported: {wrong}; {allowed}")
@@ -276,6 +311,11 @@ def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
         raise OtherMissionError(
             f"{kind}: {called(kind, spec.name)!r} is for a {wanted}, and the mission is a {type(mission).__name__}; "
             f"allowed: {_allowed_for_mission(kind, mission, wanted)}"
+        )
+    if not hasattr(spec.plugin, method):
+        raise PluginError(
+            f"{kind}: {called(kind, spec.name)!r} has no {method}, which this scenario needs; allowed: a static method "
+            f"{method}(config, mission)"
         )
     if not _is_own(spec.plugin):
         from mathnavi.interfaces.boundary import lent  # which imports numpy
@@ -334,4 +374,8 @@ def _check_made(subject: str, built: Any, method: str) -> None:
 
 
 def _kind(value: Any) -> str:
-    return "None" if value is None else f"a {type(value).__name__}"
+    return "None" if value is None else _article(type(value).__name__)
+
+
+def _article(word: str) -> str:
+    return f"{'an' if word[0] in 'AEIOUaeiou' else 'a'} {word}"

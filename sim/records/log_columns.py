@@ -83,6 +83,8 @@ def read_log_columns(
             )
         time_unit = _time_symbol(of_times) or of_times
     unit = _time_unit(path, time, header[0], stated[0], time_unit, notes)
+    if log_times.PER_SECOND.get(unit, 1) != 1:
+        notes.append(f"column {header[0]!r} was converted from {unit}, 1 {unit} = {1 / log_times.PER_SECOND[unit]:g} s")
     factors = [
         _factor(path, name, own, given.get(name), notes) for name, own in zip(header[1:], stated[1:], strict=True)
     ]
@@ -184,6 +186,8 @@ def _factor(path: Path, name: str, stated: str | None, given: str | None, notes:
         factor = symbols.si_factor(given)
         if stated is not None and symbols.si_factor(stated) != factor:
             notes.append(f"column {name!r} is in {given}, as units says, and not in {stated}")
+        if factor not in (None, 1.0):
+            notes.append(_converted(name, given, factor))
         return factor or math.nan
     if stated is not None:
         factor = symbols.si_factor(stated)
@@ -193,7 +197,7 @@ def _factor(path: Path, name: str, stated: str | None, given: str | None, notes:
                 f"units={{{name!r}: UNIT}}, such as {symbols.KNOWN}"
             )
         if factor != 1.0:
-            notes.append(f"column {name!r} was converted from {stated}")
+            notes.append(_converted(name, stated, factor))
         return factor
     if ending := _ENDING.fullmatch(name):
         unit = _ENDINGS[ending[1].lower()]
@@ -202,6 +206,11 @@ def _factor(path: Path, name: str, stated: str | None, given: str | None, notes:
             f"units={{{name!r}: '1'}} takes it as it is"
         )
     return 1.0
+
+
+def _converted(name: str, unit: str, factor: float | None) -> str:
+    """Return the note on the conversion of a column to SI units, with the factor."""
+    return f"column {name!r} was converted from {unit}, 1 {unit} = {factor:.6g} {symbols.si_unit(unit) or ''}".rstrip()
 
 
 def _time_unit(path: Path, time: str, name: str, stated: str | None, given: str | None, notes: list[str]) -> str:

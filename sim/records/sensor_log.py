@@ -29,6 +29,7 @@ from mathnavi.interfaces.short_tables import html_table, short_table, vector_tex
 from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import (
+    LOGGED,
     PluginSpec,
     called,
     check_class,
@@ -239,7 +240,7 @@ def estimate(
     spec = PluginSpec(spec.plugin, configured(spec.config, fields))
     with raising(FieldError):
         estimator = checked_estimator(spec, mission)
-        sensors = checked_sensors(spec, mission)
+        sensors = checked_sensors(spec, mission, LOGGED)
     past = estimator if isinstance(estimator, RecordedSmoother) else None
     name = method if isinstance(method, str) else "smoother" if past else called("estimators", spec.name)
     for sensor in sensors:

@@ -91,7 +91,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--controller mathnavi.controllers.flight.planner:RecedingHorizon", ["--controller", "no frozen dataclass"]),
         (
             "--estimator mathnavi.controllers.flight.plugin:FlightController",
-            ["--estimator", "no sensors and no quality"],
+            ["--estimator", "has no sensors; allowed: build, sensors"],
         ),
         ("--planner.nods 3", ["--planner.nods", "did you mean --planner.nodes"]),
         ("--nodes 3", ["--nodes", "did you mean --planner.nodes"]),

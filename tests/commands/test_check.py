@@ -81,6 +81,25 @@ FLAWS = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("content", "said", "write"),
+    [
+        ('<mujoco>\n<worldbody>\n<geom type="capsul" size="1"/></worldbody></mujoco>', "'capsul'", "line 3 of arm.xml"),
+        ('<mujoco>\n<actuator><motor joint="b"/></actuator></mujoco>', "transmission target 'b'", "line 2 of arm.xml"),
+        ("<mujoco><worldbody>", "XML_ERROR_PARSING", "line 1 of arm.xml"),
+    ],
+)
+def test_a_file_that_mujoco_refuses_is_said_to_be_refused_in_its_words_with_the_line(
+    content: str, said: str, write: str, checked: Printed
+) -> None:
+    Path("arm.xml").write_text(content)
+    shown = checked("arm.xml", 1)
+    assert "arm.xml: MuJoCo refuses it refused " in shown
+    assert said in shown
+    assert f"write correct {write}: https://mujoco.readthedocs.io" in shown
+    assert "missing" not in shown
+
+
 @pytest.mark.parametrize(("parts", "what", "write"), FLAWS.values(), ids=FLAWS)
 def test_what_is_missing_is_what_a_run_refuses(
     parts: dict[str, str], what: str, write: str, checked: Printed, capsys: pytest.CaptureFixture[str]

@@ -347,7 +347,9 @@ def test_terrain_import_crops_and_resamples(hills: Path, tmp_path: Path, capsys:
 def test_terrain_show_prints_and_draws(hills: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "hills.png"
     assert main(["terrain", "show", str(hills), "--out", str(out)]) == 0
-    assert "121 x 121, 100 m apart" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "121 x 121, 100 m apart" in printed
+    assert printed.splitlines()[-1] == f"fly       mathnavi run safe-flight --terrain {hills}"
     with Image.open(out) as image:
         assert image.size[0] > 800
 

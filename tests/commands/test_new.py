@@ -121,6 +121,15 @@ def test_nothing_is_left_to_replace() -> None:
     assert class_of("my-robot_2") == "MyRobot2"
 
 
+def test_a_plug_in_and_its_fields_have_the_name_that_was_given(made: tuple[str, Path]) -> None:
+    """None keeps the name of the example on its page: `new planner my-planner` writes no ElevatorConfig."""
+    kind, _ = made
+    for place in POINTS[kind].values():
+        named = place.replace("@name@", f"my_{kind}").replace("@Name@", class_of(f"my-{kind}"))
+        plugin = EntryPoint("", named, "").load()
+        assert kind == "terrain" or plugin.Config.__name__ == f"{plugin.__name__}Config"
+
+
 def test_the_notebook_of_the_folder_runs_from_top_to_bottom(
     made: tuple[str, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -135,7 +144,7 @@ def test_the_notebook_of_the_folder_runs_from_top_to_bottom(
 
 
 PAGES = {  # page, its file, the class in it that has the name
-    "planner": ("elevator.py", "UpAcrossDown"),
+    "planner": ("elevator.py", "Elevator"),
     "observer": ("luenberger.py", "Luenberger"),
     "scenario": ("watch.py", "Watch"),
 }
@@ -176,7 +185,7 @@ def test_the_page_shows_parts_of_what_is_made(page: str, kind: str, name: str, f
         (["vehicle", "../x"], "NAME = '../x'; allowed: "),
         (["vehicle", "class"], "NAME = 'class'; allowed: "),
         (["vehicle", "json"], "a Python module 'json' exists already"),
-        (["planner", "elevator"], "the code has another 'Elevator'"),
+        (["planner", "up-across-down"], "the code has another 'UpAcrossDown'"),
         (["planner", "gatekeeper"], "NAME = 'gatekeeper' is that of installed controllers"),
         (["terrain", "canyon"], "NAME = 'canyon' is that of installed terrains"),
         (["terrain", "there"], "NAME = there exists; allowed: a new folder"),

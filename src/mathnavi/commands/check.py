@@ -13,9 +13,9 @@ from rich.text import Text
 from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.check_findings import CheckResult
 from mathnavi.commands.command_line import prepare
-from mathnavi.commands.errors import bad_input
+from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.interfaces.bounds import configuration
-from mathnavi.interfaces.field_table import Positional
+from mathnavi.interfaces.field_table import Positional, ValueName
 from mathnavi.sim.plugin.registry import names
 
 DESCRIPTION = (
@@ -33,24 +33,30 @@ class CheckOptions:
 
     subject: Annotated[str, Positional("MODEL.xml|MODULE:Class")]
     """path of an MJCF file, dm_control:NAME or menagerie:NAME; or a plug-in: its name, MODULE:Class or FILE.py:Class"""
+    mission: Annotated[str | None, ValueName("FILE.py:NAME|MODULE:NAME")] = None
+    """description of the vehicle and its sensors, of an estimator over a log: an object, or a function that returns
+    one, of a Python file, FILE.py:NAME, or of a module, package.module:NAME; one in the estimator's own file if not
+    given"""
 
 
 def main(argv: Sequence[str]) -> int:
     (options,) = parse(argv, "mathnavi check", DESCRIPTION, FlagGroup(CheckOptions))
     prepare()
     with bad_input():
-        result = _checked(options.subject)
+        result = _checked(options.subject, options.mission or "")
     _print(result)
     return 0 if result.fits else 1
 
 
-def _checked(subject: str) -> CheckResult:
+def _checked(subject: str, mission: str) -> CheckResult:
     module, colon, _ = subject.partition(":")
     installed = any(subject in names(kind) for kind in PLUGINS)
     if installed or (colon and module not in ("dm_control", "menagerie") and not Path(subject).is_file()):
         from mathnavi.commands.check_plugin import check_plugin
 
-        return check_plugin(subject)
+        return check_plugin(subject, mission)
+    if mission:
+        raise BadInputError(f"--mission with {subject}; allowed: with an estimator, MODULE:Class or FILE.py:Class")
     from mathnavi.commands.check_model import check_model
 
     return check_model(subject)
@@ -59,7 +65,8 @@ def _checked(subject: str) -> CheckResult:
 def _print(result: CheckResult) -> None:
     console = Console(markup=False, emoji=False, highlight=False)
     stopping = [finding for finding in result.findings if finding.stops]
-    verdict = "nothing is missing" if result.fits else f"{len(stopping)} missing"
+    refused = any(finding.word == "refused" for finding in stopping)
+    verdict = "MuJoCo refuses it" if refused else f"{len(stopping)} missing" if stopping else "nothing is missing"
     console.print(f"{result.subject}: {verdict}", style="bold")
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
@@ -67,7 +74,7 @@ def _print(result: CheckResult) -> None:
     for heading, text in result.facts:
         table.add_row(heading, Text(text))
     for finding in (*stopping, *(each for each in result.findings if not each.stops)):
-        word, colour = ("missing", "bold red") if finding.stops else ("note", "yellow")
+        word, colour = (finding.word, "bold red") if finding.stops else ("note", "yellow")
         table.add_row(Text(word, colour), Text(finding.what))
         if finding.write:
             table.add_row("write", Text(finding.write, "bold"))

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+
+MJCF = "https://mujoco.readthedocs.io/en/stable/XMLreference.html lists elements and attributes"
 
 
 @dataclass(frozen=True)
@@ -13,6 +16,7 @@ class Finding:
     what: str  # names the element
     write: str  # the line to write, and where
     stops: bool = True  # False for a note: the run goes on
+    word: str = "missing"  # of one that stops a run
 
 
 @dataclass
@@ -36,6 +40,12 @@ class CheckResult:
     def missing(self, what: str, write: str) -> None:
         """Add something that stops a run."""
         self.findings.append(Finding(what, write))
+
+    def refused_by_mujoco(self, message: str, place: str) -> None:
+        """Add what MuJoCo itself refuses to compile: its own message, and the line to correct in the file."""
+        line = re.search(r"[Ll]ine(?: number)?[ =]([1-9]\d*)", message)
+        where = f"line {line[1]} of {place}" if line else place
+        self.findings.append(Finding(message, f"correct {where}: {MJCF}", word="refused"))
 
     def note(self, what: str, write: str) -> None:
         """Add something that does not stop a run."""

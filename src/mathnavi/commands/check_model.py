@@ -8,6 +8,8 @@ estimators that drive and observe mechanisms.
 from __future__ import annotations
 
 import copy
+import os
+import re
 import shlex
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -74,7 +76,13 @@ def _compiled(path: Path, result: CheckResult) -> mujoco.MjModel | None:
             model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         what = " ".join(str(error).split()).removeprefix(f"{path}: ")
-        result.missing(what if isinstance(error, FieldError) else f"MuJoCo cannot compile it ({what})", "")
+        unread = re.fullmatch(r"MuJoCo cannot read it \((.*?) ?\)", what)
+        if isinstance(error, FieldError) and unread is None:
+            result.refused(what)
+        else:
+            relative = os.path.relpath(path)
+            shown = str(path) if relative.startswith(os.pardir) else relative
+            result.refused_by_mujoco(unread[1] if unread else what, shown)
         return None
     for each in warned:
         result.note(f"MuJoCo warns: {' '.join(str(each.message).split())}", "")

@@ -9,12 +9,13 @@ run refuses is refused here by the same code, in the same words.
 from __future__ import annotations
 
 import os
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from importlib.metadata import EntryPoint
 from typing import Any, get_args, get_type_hints
 
 from mathnavi.commands.check_findings import CheckResult, split_joined
+from mathnavi.commands.check_over_log import check_over_log
 from mathnavi.commands.errors import BadInputError, bad_plugin
 from mathnavi.interfaces.errors import PluginError
 from mathnavi.interfaces.field_table import leaves_of
@@ -23,7 +24,17 @@ from mathnavi.sim.engine.contact_messages import KINDS, declaration, thing_touch
 from mathnavi.sim.engine.log import Recording, names_of
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.plugin.groups import PREFIXES
-from mathnavi.sim.plugin.registry import NEEDED, OtherMissionError, check_class, load, loadable, names
+from mathnavi.sim.plugin.named_object import PLACE, objects_in
+from mathnavi.sim.plugin.registry import (
+    NEEDED,
+    OtherMissionError,
+    PluginSpec,
+    check_class,
+    class_at,
+    load,
+    loadable,
+    names,
+)
 from mathnavi.sim.records.event_kinds import is_alarm
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
@@ -35,10 +46,13 @@ _EXPECTED = (*KINDS, "vehicle-contact", "input-clipped")  # events that no plug-
 _BEGINNING = ("guarantee-held", "message", "estimator-status", "blind", "low-clearance")  # of runs as they begin
 
 
-def check_plugin(place: str) -> CheckResult:
+def check_plugin(place: str, mission: str = "") -> CheckResult:
     """Check the class at "module:Class" or "FILE.py:Class", or an installed plug-in of that name.
 
-    Raises BadInputError if it cannot be imported.
+    An estimator is also run over a log of its ``mission``, "FILE.py:NAME" or "package.module:NAME"; of one that is in
+    the estimator's own module if none is given.
+
+    Raises BadInputError if it cannot be imported, and for the mission of what is no estimator.
     """
     place = _as_module(place)
     result = CheckResult(place)
@@ -48,10 +62,12 @@ def check_plugin(place: str) -> CheckResult:
     leaves = [leaf.flag for leaf in leaves_of(plugin.Config, PREFIXES.get(kind, ""))]
     result.fact(WORDS[kind], [(plugin.__doc__ or "without a docstring").strip().partition("\n")[0]])
     result.fact("fields", [split_joined(leaves) or "none"])
+    if mission and kind != "estimators":
+        raise BadInputError(f"--mission with {_article(WORDS[kind])}; allowed: with an estimator, over a log")
     if kind == "scenarios":
         _check_scenario(place, plugin, result)
     else:
-        _check_part(kind, plugin, result)
+        _check_part(kind, plugin, result, mission)
     return result
 
 
@@ -74,12 +90,8 @@ def _loaded(place: str, result: CheckResult) -> tuple[str, Any]:
     Raises BadInputError if it cannot be imported.
     """
     named = [kind for kind in WORDS if place in names(kind)]
-    try:
-        plugin = load(named[0], place) if named else EntryPoint(place, place, "").load()
-    except Exception:
-        with bad_plugin():
-            load("scenarios", place)  # whose message says what is wrong
-        raise
+    with bad_plugin():
+        plugin = load(named[0], place) if named else class_at("plug-ins", place)
     kind = named[0] if named else _kind_of(plugin)
     try:
         check_class(kind, plugin, place)
@@ -103,10 +115,16 @@ def _article(word: str) -> str:
     return f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
 
 
-def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
-    """Check a controller, an estimator or a consensus in the scenarios that have a mission of its kind."""
+def _check_part(kind: str, plugin: Any, result: CheckResult, given: str = "") -> None:
+    """Check a controller, an estimator or a consensus in the scenarios that have a mission of its kind.
+
+    An estimator is checked over a log too, if there is a mission: the ``given`` one, or one in its own module.
+    """
     part, mission = WORDS[kind], _mission_of(plugin)
-    scenarios = loadable("scenarios")
+    scenarios, over_log = (
+        loadable("scenarios"),
+        given or (_own_mission(plugin, mission) if kind == "estimators" else ""),
+    )
     if mission is None:
         result.note(
             "build() does not say which mission it is for: with another one it fails where it first misses something",
@@ -136,6 +154,12 @@ def _check_part(kind: str, plugin: Any, result: CheckResult) -> None:
         return
     elif mission is not None and not refusing:
         result.fact("scenarios", ["none that is installed has such a mission"])
+    if over_log:
+        check_over_log(PluginSpec.with_fields(plugin), over_log, result)
+    elif kind == "estimators" and not taking and not refusing:
+        result.note(
+            "it was not run, for no mission is known for it", f"mathnavi check {result.subject} --mission {PLACE}"
+        )
     for name, refusal in refusing.items():
         if mission is not None:
             result.note(f"{name} with its default fields does not take it: {' '.join(str(refusal).split())}", "")
@@ -160,6 +184,22 @@ def _mission_of(plugin: Any) -> Any:
         return get_type_hints(plugin.build).get("mission")
     except (NameError, TypeError):
         return None
+
+
+def _own_mission(plugin: Any, mission: Any) -> str:
+    """Return the place of a mission in the module of a plug-in, "" without one: one of its type, or called mission."""
+    module = sys.modules[plugin.__module__]
+    if str(module.__name__).partition(".")[0] == "mathnavi":
+        return ""
+    kinds = tuple(each for each in (get_args(mission) or (mission,)) if isinstance(each, type))
+    for name, value in objects_in(module).items():
+        try:
+            fits = isinstance(value, kinds)
+        except TypeError:  # a protocol that cannot be checked
+            fits = False
+        if fits or (name == "mission" and value is not plugin):
+            return f"{module.__name__}:{name}"
+    return ""
 
 
 def _names_of(mission: Any) -> str:

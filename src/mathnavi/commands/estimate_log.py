@@ -46,9 +46,9 @@ SMOOTHER = "smoother"  # of the estimator that has written the folder
 class EstimateLogOptions:
     """Flags of the command for a log."""
 
-    mission: Annotated[str, ValueName("FILE.py:NAME")]
-    """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file or, as
-    package.module:NAME, of a module; it runs with your rights"""
+    mission: Annotated[str, ValueName("FILE.py:NAME|MODULE:NAME")]
+    """description of the vehicle and its sensors: an object, or a function that returns one, of a Python file,
+    FILE.py:NAME, or of a module, package.module:NAME; it runs with your rights"""
     readings: Annotated[tuple[str, ...], TOGETHER, ValueName("SENSOR=COLUMNS...")] = ()
     """columns of each sensor by its name, with commas between them; of a folder its readings have their names"""
     inputs: Annotated[str, ValueName("COLUMNS")] = ""

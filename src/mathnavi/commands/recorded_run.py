@@ -20,7 +20,9 @@ def reading_run(folder: Path, trust: bool, files: Mapping[str, Path | None]) -> 
 
     What is wrong with the run or with a file is BadInputError; folders that were made for nothing are gone then.
     """
-    from mathnavi.sim.records.claimed_folder import kept_in_place  # takes a while to import
+    import mujoco  # as the next one takes a while to import
+
+    from mathnavi.sim.records.claimed_folder import kept_in_place
 
     if trust:  # a custom drawing
         import_from_here()
@@ -33,6 +35,8 @@ def reading_run(folder: Path, trust: bool, files: Mapping[str, Path | None]) -> 
                 stack.enter_context(output_folder(path.parent, flag))
         try:
             yield
+        except mujoco.FatalError as error:
+            raise RunFolderError(f"{folder} cannot be drawn: MuJoCo refuses its model ({error})") from error
         except ValueError as error:
             if type(error).__module__.partition(".")[0] == "mathnavi":
                 raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,6 +104,7 @@ def _import(argv: Sequence[str]) -> None:
         raise BadInputError(with_flag(str(error), [*flags(TerrainImportOptions)])) from error
     print(statistics(terrain))
     print(f"map       {options.out}")
+    print(f"fly       {flight_over(str(options.out))}")
 
 
 def _show(argv: Sequence[str]) -> None:
@@ -119,6 +121,12 @@ def _show(argv: Sequence[str]) -> None:
         _draw(terrain, picture)
     print(statistics(terrain))
     print(f"picture   {picture}")
+    print(f"fly       {flight_over(options.terrain)}")
+
+
+def flight_over(place: str) -> str:
+    """Return the command that flies over a terrain, by its name or file."""
+    return f"mathnavi run safe-flight --terrain {shlex.quote(place)}"
 
 
 def _draw(terrain: HeightField, path: Path) -> None:

@@ -56,17 +56,31 @@ def worst_section(
     if not names:
         return Markup("")
     key = _judged({name: records[name] for name in names})
+    called = run_names([records[name] for name in names], varied)
     rows = [
         (
-            linked(name, f"seed {record.seed}"),
+            linked(name, words),
             *(format_value(record.fields.get(field, UNKNOWN)) for field in varied),
             "yes" if record.success else str(record.summary.get(SHORTFALL, "no")),
             *([] if key is None else [quantity(key, record.summary.get(key))]),
         )
-        for name, record in ((name, records[name]) for name in names)
+        for name, words, record in ((name, words, records[name]) for name, words in zip(names, called, strict=True))
     ]
     heads = ("run", *varied, "success", *([] if key is None else [label(key)[0]]))
     return section("Worst runs", card(table(heads, rows, caption)))
+
+
+def run_names(records: Sequence[Record], varied: Sequence[str]) -> list[str]:
+    """Return a name for each run, of what differs among them: the seed, the ``varied`` fields, else their place."""
+    seeds = [f"seed {record.seed}" for record in records]
+    if len(set(seeds)) == len(seeds):
+        return seeds
+    of_fields = [[f"{field} {format_value(record.fields.get(field))}" for record in records] for field in varied]
+    differing = [words for words in (seeds, *of_fields) if len(set(words)) > 1]
+    names = [", ".join(words) for words in zip(*differing, strict=True)] or seeds
+    if len(set(names)) < len(names):
+        names = [f"{name}, {k} of {len(names)}" for k, name in enumerate(names, 1)]
+    return names
 
 
 def fly_again(trials: Sequence[tuple[str, Trial]], folder: Path, page: Path | None = None) -> list[Path]:

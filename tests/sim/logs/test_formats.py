@@ -94,7 +94,8 @@ def test_a_table_keeps_its_stamps_and_says_what_it_leaves(tmp_path: Path) -> Non
     assert table.values[:, 0].tolist() == [np.pi, np.pi / 2, 0.0, 0.0]
     assert (table.timing.late, table.timing.doubled) == (2, 1)
     assert log.notes == (
-        "column 'angle [deg]' was converted from deg",
+        "column 'time [ms]' was converted from ms, 1 ms = 0.001 s",
+        "column 'angle [deg]' was converted from deg, 1 deg = 0.0174533 rad",
         "column 'state' not read, which holds no numbers",
     )
     found = log.sensor_log(readings={"ranges": "front"}, disorder="sort")

@@ -73,12 +73,13 @@ HONOURED = [
         "unit in brackets",
         "t [ms],a [deg],b (km/h)\n0,180,36\n100,-90,72\n",
         [[np.pi, 10.0], [-np.pi / 2, 20.0]],
-        notes="'a [deg]' was converted from deg",
+        notes="column 't [ms]' was converted from ms, 1 ms = 0.001 s column 'a [deg]' was converted from deg, 1 deg",
     ),
     honoured(
         "unit of a column that is given",
         TEXT,
         [[np.radians(1.5), 0.002], [np.radians(-1.25), 0.3]],
+        notes="column 'b' was converted from mm, 1 mm = 0.001 m",
         units={"a": "deg", "b": "mm"},
     ),
     honoured(
@@ -98,7 +99,12 @@ HONOURED = [
         readings={"position": ["a[0]", "b (left)"]},
     ),
     honoured("times in a unit among those of columns", TEXT.replace("0.1", "100"), units={"t": "msec"}),
-    honoured("times in a unit that is given", TEXT.replace("0.1", "100"), time_unit="ms"),
+    honoured(
+        "times in a unit that is given",
+        TEXT.replace("0.1", "100"),
+        notes="column 't' was converted from ms, 1 ms = 0.001 s",
+        time_unit="ms",
+    ),
     honoured(
         "last line without a line end",
         TEXT.rstrip("\n"),

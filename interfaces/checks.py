@@ -147,4 +147,5 @@ def edit_distance(first: str, second: str) -> int:
                 edits = min(edits, before[j - 2] + 1)
             row.append(edits)
         before = last
-    return row[-1]
+    distance: int = row[-1]
+    return distance

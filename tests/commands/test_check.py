@@ -86,7 +86,7 @@ FLAWS = {
     [
         ('<mujoco>\n<worldbody>\n<geom type="capsul" size="1"/></worldbody></mujoco>', "'capsul'", "line 3 of arm.xml"),
         ('<mujoco>\n<actuator><motor joint="b"/></actuator></mujoco>', "transmission target 'b'", "line 2 of arm.xml"),
-        ("<mujoco><worldbody>", "XML_ERROR_PARSING", "line 1 of arm.xml"),
+        ("<mujoco><worldbody>", "XML_ERROR_MISMATCHED_ELEMENT", "line 1 of arm.xml"),
     ],
 )
 def test_a_file_that_mujoco_refuses_is_said_to_be_refused_in_its_words_with_the_line(
@@ -228,7 +228,7 @@ class Steerer(FlightController):
 """
 REFUSED = {
     "quality None": ("looker", "quality = staticmethod(lambda config, mission: None)", "quality() returned None"),
-    "sensors none": ("looker", "sensors = staticmethod(lambda config, mission: 3)", "sensors() returned a int"),
+    "sensors none": ("looker", "sensors = staticmethod(lambda config, mission: 3)", "sensors() returned an int"),
     "a sensor without a rate": (
         "looker",
         "sensors = staticmethod(lambda config, mission: [SimpleNamespace(name='a', size=1, read=None)])",

@@ -20,10 +20,11 @@ def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_it_says_what_is_irregular_and_what_the_numbers_are(table: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["log", "show", "robot.csv", "--sep", ";", "--decimal", ",", "--time", "ms", "--time-unit", "ms"]) == 0
     said = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert said[:3] == [
+    assert said[:4] == [
         "robot.csv: table",
         "clock column 'ms'; 0.04 s",
-        "note column 'v [km/h]' was converted from km/h",
+        "note column 'ms' was converted from ms, 1 ms = 0.001 s",
+        "note column 'v [km/h]' was converted from km/h, 1 km/h = 0.277778 m/s",
     ]
     assert "table 5 0 0.04 100 4.5 2 1 1" in said
     assert "table: reading 3 is late, at 0.03 s after 0.04 s" in said

@@ -105,7 +105,9 @@ DEFINITIONS: dict[str, str] = {
     "ground_contacts": "Number of times that a vehicle touched the ground.",
     "touched_wall": "The robot touched the wall.",
     "speed_max_m_s": "Greatest speed.",
-    "missed_passes": "Number of times that the vehicle passed its moving target outside the arrival radius, although its plan met it.",
+    "missed_passes": (
+        "Number of times that the vehicle passed its moving target outside the arrival radius although its plan met it."
+    ),
     "guarantee_lost": (
         "Number of times that the guarantee was lost, or never began: that the vehicle can go on to its target, "
         "or to a hover, above the ground."
@@ -143,9 +145,7 @@ DEFINITIONS: dict[str, str] = {
     "thrust_max_share": "Largest thrust that was asked of a rotor, over the greatest one.",
     "saturated_share": "Share of the commands to rotors that are at a bound of their thrust.",
     "saturated_s": "Time during which a command exceeded the bounds of an input.",
-    "inputs_clipped": (
-        "Number of times that a command left the bounds of an input and was clipped."
-    ),
+    "inputs_clipped": ("Number of times that a command left the bounds of an input and was clipped."),
     # planning
     "planner_share": (
         "Share of the time in which the planner's own choice was flown; the rest is safety manoeuvres, "

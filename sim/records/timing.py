@@ -131,8 +131,9 @@ def timing_table(timing: Timing) -> tuple[tuple[str, ...], list[tuple[str, ...]]
             if component not in busiest or figures.period_share > busiest[component][1].period_share:
                 busiest[component] = vehicle, figures
     fleet = len(timing.vehicles) > 1
+    heads = ("median", "99 %", "worst", "period", "share of it", "overruns")
     return (
-        ("wall time of", *(("vehicle",) if fleet else ()), "median", "99 %", "worst", "period", "share of it", "overruns"),
+        ("wall time of", *(("vehicle",) if fleet else ()), *heads),
         [
             (
                 component,

@@ -56,6 +56,7 @@ from mathnavi.estimators.ranging.bank_kernels import (
     no_hypotheses,
     predict_each,
 )
+from mathnavi.estimators.ranging.confirmation import Confirmation
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.estimators.ranging.kalman_kernels import no_innovations
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
@@ -158,6 +159,7 @@ class FeasibleSetBank:
         self._calls = 0
         self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
+        self._confirmation = Confirmation(self._model, mission.period, is_known=mission.start is not None)
         self._is_polygon = isinstance(mission.curve, Polygon)
         self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
         if mission.start is not None:
@@ -203,6 +205,7 @@ class FeasibleSetBank:
         """
         rho, u = self._reader.read(t, measurements, command)
         self._remember(t, rho, u)
+        self._confirmation.remember(t, rho, u)
         nis = np.full(2, np.nan)
         if self._is_alive:
             if t > self._t:
@@ -219,6 +222,7 @@ class FeasibleSetBank:
         believed = self._is_alive and self._is_believed
         if not believed and self._is_alive and (other := self._next_believed()) is not None:
             self._bank.score[self._best], self._best, believed = np.nan, other, True
+            self._confirmation.change()
             self._bank.score[:] -= self._bank.score[other]
         self._reader.note(t, believed)
         if not believed:
@@ -247,6 +251,7 @@ class FeasibleSetBank:
         """
         limit = self._config.misfit + _MORE_OUTLIERS * noise_of(self._noise)[1] * self._gate
         believed: Flags = (self._bank.misfit <= limit) & (self._bank.slip < MOST_SLIP) & np.isfinite(self._bank.score)
+        believed[self._best] &= not self._confirmation.is_refuted
         return believed
 
     @property
@@ -279,9 +284,12 @@ class FeasibleSetBank:
         return calls, alive & (2 * often >= often.max()) & (often > 0)
 
     def _condition(self, rho: Array) -> Array:
+        before = self._best
         self._best, nis, rays = condition_each(
-            self._bank, self._best, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
+            self._bank, before, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
         )
+        if self._best != before:
+            self._confirmation.change()
         drop(self._bank, self._best, self._scoring, self._symmetry)
         if rays:
             misfits = self._innovations.misfits[1] / rays
@@ -311,6 +319,7 @@ class FeasibleSetBank:
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
         bank.score[last] = 0.0 if alive or count > last else np.nan
         self._best = 0
+        self._confirmation.begin(calls)
 
     def _feasible(self, rays: Array, calls: int) -> Array:
         """Feasible states (k, 4), far from each other, by those ``rays`` (l,) that have enough readings in the last
@@ -363,11 +372,19 @@ class FeasibleSetBank:
         P = self._correlated * covariance_of(bank, best)
         doubts = np.nansum(weights[apart(bank, best, self._symmetry, _ALIKE)])
         is_known = weights[best] >= _TWICE * doubts
+        message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
+        if is_known and not self._is_confirmed(P):
+            is_known, message = False, "waits for motion: the last readings do not confirm the pose yet"
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
         if status is Status.OK and self._misfits >= _MANY:
             status = Status.DEGRADED
-        message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
+
+    def _is_confirmed(self, P: Array) -> bool:
+        sensors, (sigma, outliers) = self._sensors, noise_of(self._noise)
+        sigma = max(sigma, 1.0) if self._is_polygon else sigma
+        true = sensors._replace(relative=sigma * sensors.relative, absolute=sigma * sensors.absolute, outliers=outliers)
+        return self._confirmation.confirms(self._bank, self._best, P, true, self._config.misfit, self._correlated)
 
     def _waits_to_start(self) -> str:
         """Readings that are missing for the first hypotheses."""

@@ -374,7 +374,7 @@ def test_what_wheels_that_slip_explain_alone_is_not_ok() -> None:
     assert found[-1].status is Status.OK
 
 
-@pytest.mark.parametrize(("seed", "found_again"), [(24, False), (25, True)])
+@pytest.mark.parametrize(("seed", "found_again"), [(24, False), (38, True)])
 def test_where_two_rays_of_three_are_stuck_no_pose_is_sure_and_a_rival_finds_it_again(
     seed: int, found_again: bool
 ) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
+import mathnavi as mn
 from mathnavi.estimators.ranging.bank_kernels import (
     Hypotheses,
     Scoring,
@@ -156,14 +157,14 @@ def test_no_first_hypothesis_contradicts_the_readings() -> None:
 
 def test_until_one_hypothesis_is_twice_as_likely_as_all_beyond_its_errors_it_is_initialising() -> None:
     task = mission()
-    estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 1.0, rng=np.random.default_rng(0)))]
+    estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 2.5, rng=np.random.default_rng(0)))]
     known = [estimate.status is Status.OK for estimate in estimates]
     assert not any(known[:10])  # the tenth has hypotheses, which nothing has been asked of yet
     assert known[-1]
     for estimate, is_known in zip(estimates[9:], known[9:], strict=True):
         weights = estimate.extra["weights"]
         assert np.nansum(weights) == pytest.approx(1.0)
-        assert is_known or np.nanmax(weights) < 2.0 / 3.0
+        assert is_known or np.nanmax(weights) < 2.0 / 3.0 or "do not confirm" in estimate.message
         if is_known:  # whatever is beyond the errors that it declares is half as likely at most
             assert estimate.covariance is not None
             d = estimate.extra["hypotheses"][:, :3] - estimate.x
@@ -188,9 +189,27 @@ def test_a_robot_that_is_carried_away_is_found_again_and_the_status_shows_it(sen
     ][1:]
     estimates = estimates_of(task, [*before, *after], hypotheses=hypotheses)
     again = [step.t for step, estimate in estimates if estimate.status is Status.INITIALISING and step.t > 3.0]
-    assert bool(again) == (hypotheses > 1)  # a single one has no other beside it
-    assert all(t < 3.5 for t in again[:1])
+    assert again
+    assert again[0] < 3.5
     assert max(last_errors(task, estimates)) < 0.15
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_two_rays_are_not_sure_of_a_pose_that_the_way_to_it_contradicts(seed: int) -> None:
+    """A hypothesis that follows two rays for a while, by its own motion, is no pose that is known."""
+    rng = np.random.default_rng(seed)
+    wall = mn.wall_through([(0.0, 0.0), (3.0, -0.4), (6.0, 0.2), (5.8, 3.1), (2.7, 3.6), (0.3, 3.0)], order=8)
+    angles, pose = [0.0, 0.5 * math.pi], np.array([1.6, 1.2, rng.uniform(-math.pi, math.pi)])
+    bank = mn.FeasibleSetBank(wall, angles, range_noise=0.01, period=0.02)
+    first_sure = None
+    for k in range(450):
+        pose += 0.02 * np.array([0.5 * np.cos(pose[2] + 0.006), 0.5 * np.sin(pose[2] + 0.006), 0.6])
+        estimate = bank.step(0.02, wall.ranges(pose, angles)[0], odometry=[0.5, 0.6])
+        if estimate.status is Status.OK:
+            first_sure = k if first_sure is None else first_sure
+            assert np.hypot(*(estimate.pose - pose)[:2]) < 0.1
+    assert first_sure is not None
+    assert first_sure >= 100  # two seconds of motion at least
 
 
 def test_outliers_are_survived() -> None:

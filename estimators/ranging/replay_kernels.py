@@ -1,0 +1,102 @@
+"""Replay of the last readings on the way to a pose, compiled: does odometry lead there through these ranges?
+
+A filter that is at a wrong pose may follow the readings for seconds: each update moves it, and so does the slip that it
+finds. The replay does not move. With x the estimate, odometry leads back from it to the poses x_k of the last readings,
+and all residuals depend on one error d (3,) of x, turned and moved with the robot as a rigid body,
+
+    nu_ki = rho_ki - h_i(x_k) = J_ki d_k + noise,   J_ki = (H_1, H_2, H_3 + H_2 (x_1k - x_1) - H_1 (x_2k - x_2)),
+
+where d_k is a random walk: odometry and slip add w to the place and w_phi to the heading at x_k,
+
+    d_{k+1} = d_k + (w_1 + w_phi (x_2k - x_2), w_2 - w_phi (x_1k - x_1), w_phi).
+
+A Kalman filter that knows nothing at first finds d and its covariance from the readings alone, whatever the estimator
+has been told before: the estimate is confirmed if these determine d, if d is zero within the errors of both, and if the
+ranges agree with each other.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mathnavi.estimators.ranging.bank_kernels import BY_HEADING
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, expected_range
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.field.kernels import WallShape, is_inside
+from mathnavi.models.unicycle.kernels import integrate
+
+_NOTHING = 1e4  # [m^2, rad^2] variance of d before the first reading
+
+
+@njit(cache=True, nogil=True)
+def replay(
+    x: Array,
+    ranges: Array,
+    inputs: Array,
+    times: Array,
+    wall: WallShape,
+    sensors: RaySensors,
+    W: Array,
+    scale: float,
+    slip: float,
+) -> tuple[int, int, float, Array, Array]:
+    """Fit d (3,) [m, m, rad] to ``ranges`` (n, l) [m], NaN where lost, on the way to x (4,).
+
+    ``inputs`` (n, 2) [m/s, rad/s], of variances W (2,), were held over the periods that end at ``times`` (n,) [s], the
+    last of which is that of x; ``scale`` is the variance of x_4, ``slip`` [m^2/s] the intensity of the process noise of
+    slip. Returns the number of rays, how many of them are beyond the gate or were read from beyond the wall, the sum of
+    NIS of the others, d and its covariance (3, 3).
+    """
+    n, (coefficients, polyline) = len(times), wall
+    poses, ways, turns = np.empty((n, 3)), np.zeros(n), np.zeros(n)
+    poses[n - 1] = x[:3]
+    for k in range(n - 1, 0, -1):
+        dt = times[k] - times[k - 1]
+        u_1, u_2 = (1.0 - x[3]) * inputs[k, 0], (1.0 - x[3]) * inputs[k, 1]
+        poses[k - 1] = integrate(poses[k], u_1, u_2, -dt)
+        ways[k - 1], turns[k - 1] = ways[k] + abs(u_1) * dt, turns[k] + abs(u_2) * dt
+    d, P, PJ = np.zeros(3), _NOTHING * np.eye(3), np.empty(3)
+    H, D, J, b = np.empty(3), np.empty(3), np.empty(3), np.ones(3)
+    rays, beyond, nis = 0, 0, 0.0
+    for k in range(n):
+        if k > 0:
+            dt = times[k] - times[k - 1]
+            q, q_phi = W[0] * dt * dt + slip * dt, W[1] * dt * dt + slip * dt * BY_HEADING**2
+            b[0], b[1] = poses[k, 1] - x[1], x[0] - poses[k, 0]
+            for i in range(3):
+                P[i, i] += q if i < 2 else 0.0
+                for j in range(3):
+                    P[i, j] += q_phi * b[i] * b[j]
+        inside = is_inside(coefficients, polyline, poses[k, 0], poses[k, 1])
+        for i in range(len(sensors.angles)):
+            if not ranges[k, i] > 0.0:
+                continue
+            if not inside:
+                rays, beyond = rays + 1, beyond + 1
+                continue
+            h, _, _ = expected_range(wall, poses[k, 0], poses[k, 1], poses[k, 2] + sensors.angles[i], H, D)
+            if math.isnan(h):
+                continue
+            rays += 1
+            J[0], J[1] = H[0], H[1]
+            J[2] = H[2] + H[1] * (poses[k, 0] - x[0]) - H[0] * (poses[k, 1] - x[1])
+            along, across = H[0] * H[0] + H[1] * H[1], H[2] * H[2]
+            s = (sensors.relative * h) ** 2 + sensors.absolute**2
+            s += scale * (along * ways[k] * ways[k] + across * turns[k] * turns[k])
+            nu = ranges[k, i] - h
+            for a in range(3):
+                PJ[a] = P[a, 0] * J[0] + P[a, 1] * J[1] + P[a, 2] * J[2]
+                nu -= J[a] * d[a]
+            s += J[0] * PJ[0] + J[1] * PJ[1] + J[2] * PJ[2]
+            if nu * nu > sensors.gate * s:
+                beyond += 1
+                continue
+            nis += nu * nu / s
+            for a in range(3):
+                d[a] += PJ[a] * nu / s
+                for c in range(3):
+                    P[a, c] -= PJ[a] * PJ[c] / s
+    return rays, beyond, nis, d, P

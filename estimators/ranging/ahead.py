@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mathnavi.estimators.integrity import ahead
-from mathnavi.estimators.ranging import bank_kernels
+from mathnavi.estimators.ranging import bank_kernels, replay_kernels
 from mathnavi.interfaces.compiled import Signature
 
-KERNELS: tuple[Signature, ...] = bank_kernels.KERNELS + ahead.KERNELS
+KERNELS: tuple[Signature, ...] = bank_kernels.KERNELS + replay_kernels.KERNELS + ahead.KERNELS

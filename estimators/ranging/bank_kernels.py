@@ -285,8 +285,29 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
     for k in range(len(score)):
         if k == best or math.isnan(score[k]):
             continue
-        if score[k] < scoring.lowest or _square(bank.x[k], bank.x[best], bank.P[best], symmetry) < scoring.twin:
+        if score[k] < scoring.lowest or square_apart(bank.x[k], bank.x[best], bank.P[best], symmetry) < scoring.twin:
             score[k] = math.nan
+
+
+@njit(cache=True, nogil=True)
+def add(bank: Hypotheses, best: int, states: Array, P: Array, symmetry: Symmetry) -> None:
+    """Add ``states`` (m, 4) of covariance P (4, 4), in place, as hypotheses that are as likely as the best, where there
+    is room and none is within the errors P.
+    """
+    for x in states:
+        free = -1
+        for k in range(len(bank.score)):
+            if math.isnan(bank.score[k]):
+                free = k
+            elif square_apart(x, bank.x[k], P, symmetry) < 1.0:
+                free = -1
+                break
+        if free >= 0:
+            bank.x[free], bank.P[free], bank.P[free, 3, 3] = x, P, bank.P[best, 3, 3]
+            bank.scale[free] = bank.scale[best]  # the wheels are the same
+            bank.mean[free], bank.readings[free] = 0.0, 0
+            bank.misfit[free], bank.slip[free] = 1.0, 0.0
+            bank.score[free] = bank.score[best]
 
 
 @njit(cache=True, nogil=True)
@@ -295,12 +316,12 @@ def apart(bank: Hypotheses, best: int, symmetry: Symmetry, limit: float) -> Flag
     flags = np.zeros(len(bank.score), np.bool_)
     for k in range(len(flags)):
         if k != best and not math.isnan(bank.score[k]):
-            flags[k] = _square(bank.x[k], bank.x[best], bank.P[best], symmetry) >= limit
+            flags[k] = square_apart(bank.x[k], bank.x[best], bank.P[best], symmetry) >= limit
     return flags
 
 
 @njit(cache=True, nogil=True)
-def _square(x: Array, best: Array, P: Array, symmetry: Symmetry) -> float:
+def square_apart(x: Array, best: Array, P: Array, symmetry: Symmetry) -> float:
     """The least d' P^-1 d of a state x (4,) from the ``best``, of covariance P (4, 4), over all rotations of it."""
     rotations, c_1, c_2 = symmetry
     d, least = np.empty(3), math.inf
@@ -332,6 +353,8 @@ KERNELS: tuple[Signature, ...] = (
     (move, (ONE, ONE, WALL, types.float64)),
     (covariance_of, (HYPOTHESES, types.int64)),
     (drop, (HYPOTHESES, types.int64, SCORING, SYMMETRY)),
+    (add, (HYPOTHESES, types.int64, TWO, TWO, SYMMETRY)),
+    (square_apart, (ONE, ONE, TWO, SYMMETRY)),
     (apart, (HYPOTHESES, types.int64, SYMMETRY, types.float64)),
     (noise_of, (SUMS,)),
     (select_ranges, (ONE, types.float64, ONE)),

@@ -19,6 +19,9 @@ readings do not distinguish these poses: the status is ``INITIALISING``, and ``e
 outliers (``noise_kernels``) and the slip of the wheels (``bank_kernels``) while it runs. What a scale of the odometry
 that is not as declared may have done to the pose is part of the covariance, until the readings tell how much it is.
 
+**Confirmation.** A pose that was found is known once a replay of the readings on the way to it confirms it, and no
+other that fits them is found (``confirmation``); one that is becomes a hypothesis.
+
 **Misfit.** The best hypothesis is rejected if it contradicts the rays, by the mean of NIS per ray over the last 0.2 s,
 or four readings where that is longer, or by more slip than wheels have. The most likely of the others that do not is
 the best from then on. If there is none, the robot was carried away, or no hypothesis was near the truth: new hypotheses
@@ -48,6 +51,7 @@ from mathnavi.estimators.ranging.bank_kernels import (
     MOST_SLIP,
     Flags,
     Scoring,
+    add,
     apart,
     condition_each,
     covariance_of,
@@ -80,6 +84,7 @@ _FEASIBLE = 1e-4  # probability that a feasible pose is refused
 _MORE_OUTLIERS = 1.5  # times their share that may occur by chance while a misfit is averaged
 _STEADY = 1e-6  # of the period: what its multiples are rounded by
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
+_NEAR = (0.1, 0.1, 0.1)  # [m, m, rad] of a pose that has been fitted
 _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
 _REMEMBERED_READINGS = 0.75  # least memory of the misfit: four readings, however seldom they come
@@ -159,7 +164,8 @@ class FeasibleSetBank:
         self._calls = 0
         self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
-        self._confirmation = Confirmation(self._model, mission.period, is_known=mission.start is not None)
+        known = mission.start is not None
+        self._confirmation = Confirmation(self._model, mission.period, self._symmetry, is_known=known)
         self._is_polygon = isinstance(mission.curve, Polygon)
         self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
         if mission.start is not None:
@@ -374,17 +380,18 @@ class FeasibleSetBank:
         is_known = weights[best] >= _TWICE * doubts
         message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
         if is_known and not self._is_confirmed(P):
-            is_known, message = False, "waits for motion: the last readings do not confirm the pose yet"
+            is_known, message = False, "waits for motion: the readings do not confirm the pose yet"
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
         if status is Status.OK and self._misfits >= _MANY:
             status = Status.DEGRADED
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
 
     def _is_confirmed(self, P: Array) -> bool:
-        sensors, (sigma, outliers) = self._sensors, noise_of(self._noise)
-        sigma = max(sigma, 1.0) if self._is_polygon else sigma
-        true = sensors._replace(relative=sigma * sensors.relative, absolute=sigma * sensors.absolute, outliers=outliers)
-        return self._confirmation.confirms(self._bank, self._best, P, true, self._config.misfit, self._correlated)
+        found, (sigma, outliers) = self._confirmation, noise_of(self._noise)
+        sensors = self._sensors.noisier(max(sigma, 1.0) if self._is_polygon else sigma, outliers)
+        confirmed = found.confirms(self._bank, self._best, P, sensors, self._config.misfit, self._correlated)
+        add(self._bank, self._best, found.others, self._model.covariance(_NEAR), self._symmetry)
+        return confirmed
 
     def _waits_to_start(self) -> str:
         """Readings that are missing for the first hypotheses."""

@@ -54,6 +54,10 @@ class RaySensors(NamedTuple):
     outliers: float = 0.0  # epsilon, fraction of single ranges
     longest: float = 1.0  # L [m]
 
+    def noisier(self, sigma: float, outliers: float) -> RaySensors:
+        """The sensors with ``sigma`` times their noise, and a share of ``outliers``."""
+        return self._replace(relative=sigma * self.relative, absolute=sigma * self.absolute, outliers=outliers)
+
 
 class Innovations(NamedTuple):
     """Innovations of one update, by ray, NaN of a ray that read nothing; written by ``condition``."""

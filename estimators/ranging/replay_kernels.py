@@ -20,14 +20,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import types
 
-from mathnavi.estimators.ranging.bank_kernels import BY_HEADING
-from mathnavi.estimators.ranging.kalman_kernels import RaySensors, expected_range
-from mathnavi.interfaces.compiled import njit
+from mathnavi.estimators.ranging.bank_kernels import BY_HEADING, SENSORS, WALL
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, expected_range, step_within
+from mathnavi.interfaces.compiled import Signature, njit
+from mathnavi.interfaces.kernel_types import ONE, TWO
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, is_inside
-from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.kernels import integrate, wrapped
 
+_STEPS, _LONGEST, _LAST = 8, 1.0, 1e-3  # of a fit, its longest [m, rad], and the one that ends it
 _NOTHING = 1e4  # [m^2, rad^2] variance of d before the first reading
 
 
@@ -100,3 +103,53 @@ def replay(
                 for c in range(3):
                     P[a, c] -= PJ[a] * PJ[c] / s
     return rays, beyond, nis, d, P
+
+
+@njit(cache=True, nogil=True)
+def refit(
+    states: Array,
+    ranges: Array,
+    inputs: Array,
+    times: Array,
+    wall: WallShape,
+    sensors: RaySensors,
+    W: Array,
+    scale: float,
+    slip: float,
+) -> Array:
+    """Fit each of ``states`` (m, 4), in place, to the readings on the way to it (see ``replay``) by Gauss-Newton steps
+    within the wall.
+
+    Returns the mean of NIS of its rays (m,); infinite where a ray is beyond the gate or the steps do not end.
+    """
+    far = np.full(len(states), np.inf)
+    open_sensors = RaySensors(
+        sensors.angles, sensors.relative, sensors.absolute, np.inf, sensors.outliers, sensors.longest
+    )
+    for m in range(len(states)):
+        x, ended = states[m], False
+        for _ in range(_STEPS):
+            _, _, _, d, _ = replay(x, ranges, inputs, times, wall, open_sensors, W, scale, slip)
+            largest = max(abs(d[0]), abs(d[1]), abs(d[2]))
+            if not math.isfinite(largest):
+                break
+            share = min(1.0, _LONGEST / max(largest, 1e-300))
+            share *= step_within(wall, x[0], x[1], share * d[0], share * d[1])
+            for a in range(3):
+                x[a] += share * d[a]
+            x[2] = wrapped(x[2])
+            if largest < _LAST:
+                ended = True
+                break
+        if ended:
+            rays, beyond, nis, _, _ = replay(x, ranges, inputs, times, wall, sensors, W, scale, slip)
+            if rays > 0 and beyond == 0:
+                far[m] = nis / rays
+    return far
+
+
+_READINGS = (TWO, TWO, ONE, WALL, SENSORS, ONE, types.float64, types.float64)
+KERNELS: tuple[Signature, ...] = (
+    (replay, (ONE, *_READINGS)),
+    (refit, (TWO, *_READINGS)),
+)

@@ -42,7 +42,7 @@ _TRIES = 10  # a window, so that most readings are not replayed
 
 
 class Confirmation:
-    """Whether the best hypothesis is confirmed; it begins anew with each search."""
+    """Whether the best hypothesis is confirmed; it begins again with each search."""
 
     def __init__(self, model: RangeModel, period: float, symmetry: Symmetry, *, is_known: bool) -> None:
         """``period`` [s] is that between two calls; nothing has to be confirmed of a start that ``is_known``."""
@@ -68,7 +68,7 @@ class Confirmation:
         self._due -= 1
 
     def begin(self, calls: int) -> None:
-        """Begin anew: a search that rests on the last ``calls`` has made new hypotheses."""
+        """Begin again: a search that rests on the last ``calls`` has made new hypotheses."""
         self._kept = min(calls, len(self._times))
         self.change()
 

@@ -103,8 +103,9 @@ def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
 def close_names(name: str, known: Sequence[str]) -> list[str]:
     """Return the names that a misspelt one may stand for: up to three at the least distance, none if all are far.
 
-    Each part of a name, between points, may be off by a third of its letters; case, "-" and "_" do not count. Where no
-    name is that close, those that begin with the given one count, or one with which it begins.
+    Each part of a name, between points, may be off by a third of its letters, or one part by a letter; case, "-" and
+    "_" do not count. Where no name is that close, those that begin with the given one count, or one with which it
+    begins.
     """
     given, far = _folded(name), len(name) + 1
     distances = {each: _distance_by_part(given, _folded(each), far) for each in known}
@@ -123,6 +124,7 @@ def _distance_by_part(given: str, known: str, far: int) -> int:
     parts, others = given.split("."), known.split(".")
     edits = [edit_distance(part, other) for part, other in zip(parts, others, strict=False)]
     close = all(edit <= len(part) // 3 for edit, part in zip(edits, parts, strict=False))
+    close |= len(parts) > 1 and sum(edits) == 1  # truth.y for truth.x
     return sum(edits) if close and len(parts) == len(others) else far
 
 

@@ -58,7 +58,7 @@ def check_over_log(spec: PluginSpec, place: str, result: CheckResult) -> None:
 def _estimated(spec: PluginSpec, mission: Any, period: float, values: Sequence[tuple[Any, float]]) -> None:
     """Run the estimator over a log with the same number in all readings of a sensor; NaN for no reading."""
     readings = {sensor.name: np.full((TIMES, sensor.size), value) for sensor, value in values}
-    estimate(spec, mission, SensorLog(period * np.arange(TIMES), readings), trust_units=True)
+    estimate(spec, mission, SensorLog(period * np.arange(TIMES, dtype=np.float64), readings), trust_units=True)
 
 
 def _is_formed(sensor: Any) -> bool:

@@ -79,6 +79,7 @@ _AVERAGING = 0.97  # mu
 _UNDECLARED, _DECLARED = 0.02, 1e-4  # least deviations of b: sigma_0, as wheels are made; and of a filter, not zero
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
 _REMEMBERED = 1.0 - 1.0 / 2000.0  # of a sum of products, per ray
+_NEAR = 0.1  # [m, rad] least deviation of a pose that was fitted, for what is not linear
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
 
 
@@ -290,20 +291,21 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
 
 
 @njit(cache=True, nogil=True)
-def add(bank: Hypotheses, best: int, states: Array, P: Array, symmetry: Symmetry) -> None:
-    """Add ``states`` (m, 4) of covariance P (4, 4), in place, as hypotheses that are as likely as the best, where there
-    is room and none is within the errors P.
+def add(bank: Hypotheses, best: int, states: Array, covariances: Array, symmetry: Symmetry) -> None:
+    """Add ``states`` (m, 4) whose poses have ``covariances`` (m, 3, 3), in place, as hypotheses that are as likely as
+    the best, where there is room and none is within their errors.
     """
-    for x in states:
-        free = -1
+    for m in range(len(states)):
+        free, P = -1, covariances[m] + _NEAR**2 * np.eye(3)
         for k in range(len(bank.score)):
             if math.isnan(bank.score[k]):
                 free = k
-            elif square_apart(x, bank.x[k], P, symmetry) < 1.0:
+            elif square_apart(states[m], bank.x[k], P, symmetry) < 1.0:
                 free = -1
                 break
         if free >= 0:
-            bank.x[free], bank.P[free], bank.P[free, 3, 3] = x, P, bank.P[best, 3, 3]
+            bank.x[free], bank.P[free] = states[m], 0.0
+            bank.P[free, :3, :3], bank.P[free, 3, 3] = P, bank.P[best, 3, 3]
             bank.scale[free] = bank.scale[best]  # the wheels are the same
             bank.mean[free], bank.readings[free] = 0.0, 0
             bank.misfit[free], bank.slip[free] = 1.0, 0.0
@@ -353,7 +355,7 @@ KERNELS: tuple[Signature, ...] = (
     (move, (ONE, ONE, WALL, types.float64)),
     (covariance_of, (HYPOTHESES, types.int64)),
     (drop, (HYPOTHESES, types.int64, SCORING, SYMMETRY)),
-    (add, (HYPOTHESES, types.int64, TWO, TWO, SYMMETRY)),
+    (add, (HYPOTHESES, types.int64, TWO, THREE, SYMMETRY)),
     (square_apart, (ONE, ONE, TWO, SYMMETRY)),
     (apart, (HYPOTHESES, types.int64, SYMMETRY, types.float64)),
     (noise_of, (SUMS,)),

@@ -13,6 +13,7 @@ reading, are fitted to the way to it. While one is found that is apart, the pose
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -20,127 +21,122 @@ from scipy.special import chdtri
 from mathnavi.estimators.ranging.bank_kernels import GRIP, Hypotheses, Symmetry, square_apart
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors
+from mathnavi.estimators.ranging.last_readings import LastReadings, Way
 from mathnavi.estimators.ranging.model import STATES, RangeModel
-from mathnavi.estimators.ranging.replay_kernels import refit, replay
+from mathnavi.estimators.ranging.replay_kernels import Reckoning, refit, replay
 from mathnavi.interfaces.signals import Array
 
-_MOST = 2.0  # [s] that are replayed
-_LEAST = 1.0  # [s] that a pose is confirmed by at least
-_READINGS = 10  # that are kept, however seldom they come
-_DETERMINED = 0.3  # [m, rad] greatest standard deviation of a pose that the replayed readings determine
+_LEAST, _MOST, _TIMEOUTS = 1.0, 2.0, 4.0  # [s] that are replayed: at least, at most, or timeouts if these are longer
+_TRIES = 10  # while that time passes: most readings are not replayed
+_DETERMINED = 0.3  # [m, rad] greatest standard deviation of a pose that readings determine, if one is as exact
 _AGREES = float(chdtri(3, 1e-3))  # d' S^-1 d of two estimates of the same pose at most
 _CONTRADICT = 1.0 / 3.0  # share of rays that may be beyond the gate, where outliers are not more frequent
 _MORE = 1.5  # times the share of outliers that may occur by chance
 _BY_THEMSELVES = 3  # rays that determine a pose without odometry
-_DRAWN, _SEED, _PROJECTIONS = 300, 0, 3  # poses that are projected onto the feasible set
-_FITTED, _NEAREST = 48, 0.1  # of them, that are fitted, and how far apart they are [m, rad] at least
+_PROJECTIONS, _FITTED, _NEAREST = 3, 48, 0.1  # steps; poses that are fitted, and how far apart [m, rad] at least
 _SOME = 12  # readings that they are fitted to
 _FITS = 1e-3  # probability that the true pose is not found to fit
 _SAME = 0.3**2 * np.eye(3)  # [m^2, rad^2] within which a pose is the same
-_NONE = np.empty((0, STATES))
-_TRIES = 10  # a window, so that most readings are not replayed
+
+
+class Others(NamedTuple):
+    """Poses that fit the readings as well as the best hypothesis."""
+
+    states: Array  # (m, 4)
+    covariances: Array  # (m, 3, 3)
+
+
+_NONE = Others(np.empty((0, STATES)), np.empty((0, 3, 3)))
+
+
+def replayed_calls(period: float, timeout: float) -> int:
+    """Number of calls that are replayed at most: as ranges may be read seldom, of some of their timeouts [s]."""
+    return math.ceil(max(_MOST, _TIMEOUTS * timeout) / period)
 
 
 class Confirmation:
     """Whether the best hypothesis is confirmed; it begins again with each search."""
 
-    def __init__(self, model: RangeModel, period: float, symmetry: Symmetry, *, is_known: bool) -> None:
-        """``period`` [s] is that between two calls; nothing has to be confirmed of a start that ``is_known``."""
-        count = max(math.ceil(_MOST / period), _READINGS)
-        self._model, self._symmetry = model, symmetry
-        self._anywhere = model.anywhere(np.random.default_rng(_SEED), _DRAWN)
-        self._ranges, self._inputs = np.full((count, len(model.angles)), np.nan), np.zeros((count, 2))
-        self._times = np.full(count, np.nan)  # [s]
-        self._kept = 0  # calls since the search, with the readings that it rests on
-        self._due = 0  # calls until the next try
+    def __init__(
+        self, model: RangeModel, last: LastReadings, candidates: Array, symmetry: Symmetry, *, is_known: bool
+    ) -> None:
+        """``last`` are the readings, which others write. Other poses are sought from ``candidates`` (n, 4). Nothing has
+        to be confirmed of a start that ``is_known``.
+        """
+        self._model, self._last, self._candidates, self._symmetry = model, last, candidates, symmetry
+        self._since = 0  # the call from which on readings count
+        self._due = 0  # the call of the next try
         self.is_confirmed = is_known
-        self.others = _NONE
-        """poses (m, 4) that fit the readings as well as the best hypothesis"""
         self.is_refuted = False
         """True if it is contradicted, and rays that do not determine a pose themselves will not lead it to the truth"""
 
-    def remember(self, t: float, rho: Array, u: Array) -> None:
-        """Remember the ranges rho (l,) [m] of t [s], NaN where lost, and the input u (2,) since the call before."""
-        for values, newest in ((self._ranges, rho), (self._inputs, u), (self._times, t)):
-            values[:-1] = values[1:]
-            values[-1] = newest
-        self._kept = min(self._kept + 1, len(self._times))
-        self._due -= 1
-
     def begin(self, calls: int) -> None:
         """Begin again: a search that rests on the last ``calls`` has made new hypotheses."""
-        self._kept = min(calls, len(self._times))
+        self._since = self._last.calls - calls
         self.change()
 
     def change(self) -> None:
         """Another hypothesis is the best one."""
-        self._due, self.is_confirmed, self.is_refuted, self.others = 0, False, False, _NONE
+        self._due, self.is_confirmed, self.is_refuted = 0, False, False
 
-    def confirms(
+    def attempt(
         self, bank: Hypotheses, best: int, P: Array, sensors: RaySensors, misfit: float, correlated: float
-    ) -> bool:
-        """True once a replay has confirmed the ``best`` hypothesis of the bank, whose pose has the covariance P (3, 3).
+    ) -> Others:
+        """Try to confirm the ``best`` hypothesis of the bank, whose pose has the covariance P (3, 3), if it is time to.
 
         ``sensors`` have the noise that was found; ``misfit`` is the greatest mean of NIS that fits, ``correlated`` the
-        variance of a mean of correlated errors over that of independent ones, with which P has been multiplied.
+        variance of a mean of correlated errors over that of independent ones, with which P has been multiplied. Returns
+        the poses that keep it from being confirmed, for they fit the readings too.
         """
-        self.others = _NONE
-        if self.is_confirmed or self._due > 0:
-            return self.is_confirmed
-        n = self._kept
-        times = self._times[-n:]
-        few = np.isfinite(self._ranges[-n:]).any(axis=0).sum() < _BY_THEMSELVES
-        if n < 2 or times[-1] - times[0] < _LEAST:
-            return False
-        self._due = max(1, n // _TRIES)
+        if self.is_confirmed or self._last.calls < self._due:
+            return _NONE
+        way = self._last.last(self._last.calls - self._since)
+        if not way.times[-1] - way.times[0] >= _LEAST:
+            return _NONE
+        self._due = self._last.calls + max(1, len(way.times) // _TRIES)
+        few = np.isfinite(way.ranges).any(axis=0).sum() < _BY_THEMSELVES
         slip = max(float(bank.slip[best]) - GRIP, 0.0)
-        slip = min(slip, GRIP) if few else slip
-        way = self._ranges[-n:], self._inputs[-n:], times, self._model.wall
-        errors = self._model.W, float(bank.P[best, 3, 3]), slip
-        rays, beyond, nis, d, C = replay(bank.x[best], *way, sensors, *errors)
-        C *= correlated
-        determined = max(math.sqrt(np.linalg.eigvalsh(C[:2, :2])[-1]), math.sqrt(C[2, 2])) <= _DETERMINED
+        reckoning = Reckoning(self._model.W, float(bank.P[best, 3, 3]), min(slip, GRIP) if few else slip)
+        fit = replay(bank.x[best], way, self._model.wall, sensors, reckoning)
+        if not fit.rays:
+            return _NONE
+        C = correlated * fit.P
+        coarse = max(_DETERMINED, float(np.sqrt(self._model.range_variance(np.nanmax(way.ranges)))))
+        determined = np.linalg.eigvalsh(C[:2, :2])[-1] <= coarse**2 and C[2, 2] <= _DETERMINED**2
         agrees = bool(
-            beyond <= max(_CONTRADICT, _MORE * sensors.outliers) * rays
-            and nis <= misfit * (rays - beyond)
-            and d @ np.linalg.solve(C + P, d) <= _AGREES
+            fit.beyond <= max(_CONTRADICT, _MORE * sensors.outliers) * fit.rays
+            and fit.nis <= misfit * (fit.rays - fit.beyond)
+            and fit.d @ np.linalg.solve(C + P, fit.d) <= _AGREES
         )
         self.is_refuted = bool(few and not agrees)
-        if few and determined:
-            self.others = self._others(bank, best, n, sensors, errors)
-        self.is_confirmed = determined and agrees and rays > 0 and len(self.others) == 0
-        return self.is_confirmed
+        others = self._others(bank.x[best], way, sensors, reckoning) if few and determined else _NONE
+        self.is_confirmed = bool(determined and agrees and not len(others.states))
+        return others
 
-    def _others(
-        self, bank: Hypotheses, best: int, n: int, sensors: RaySensors, errors: tuple[Array, float, float]
-    ) -> Array:
-        """Poses (m, 4) apart from the ``best`` hypothesis, and from each other, that the last n readings fit as well.
+    def _others(self, x: Array, way: Way, sensors: RaySensors, reckoning: Reckoning) -> Others:
+        """Poses apart from x (4,) under the symmetry, and from each other, that fit the readings on the way to them.
 
-        Poses anywhere are projected onto the feasible set of the newest reading, and those that are farthest from each
+        The candidates are projected onto the feasible set of the newest reading, and those that are farthest from each
         other are fitted to some of the readings.
         """
-        model, wall = self._model, self._model.wall
-        ranges, inputs, times = self._ranges[-n:].copy(), self._inputs[-n:], self._times[-n:]
+        model, wall, ranges = self._model, self._model.wall, way.ranges.copy()
         read = np.isfinite(ranges).sum(axis=1)
         newest = int(np.flatnonzero(read == read.max())[-1])  # of those with most rays
-        y = ranges[newest]
-        states, far = project(self._anywhere, y, model.range_variance(y), wall, model.angles, _PROJECTIONS, math.inf)
-        left = self._inputs[len(self._inputs) - n + newest + 1 :]
+        y, left = ranges[newest], way.inputs[newest + 1 :]
+        states, far = project(self._candidates, y, model.range_variance(y), wall, model.angles, _PROJECTIONS, math.inf)
         states = states[np.isfinite(far)]
         if not len(states):
             return _NONE
         if len(left):
-            states = pushed(states, left, wall, float(times[-1] - times[newest]) / len(left), 1.0)
+            states = pushed(states, left, wall, float(way.times[-1] - way.times[newest]) / len(left), 1.0)
         states = states[farthest_points(states, 0, min(_FITTED, len(states)), _NEAREST)]
-        states[:, 3] = bank.x[best, 3]
+        states[:, 3] = x[3]
         some = np.flatnonzero(read)[::-1][:: max(1, np.count_nonzero(read) // _SOME)]
-        ranges[np.setdiff1d(np.arange(n), some)] = np.nan
-        nis = refit(states, ranges, inputs, times, wall, sensors, *errors)
-        rays = np.isfinite(ranges).sum()
-        states = states[nis * rays <= chdtri(rays, _FITS)]
-        found: list[Array] = []
-        for x in states:
-            known = [bank.x[best], *found]
-            if all(square_apart(x, each, _SAME, self._symmetry) > 1.0 for each in known):
-                found.append(x)
-        return np.array(found) if found else _NONE
+        ranges[np.setdiff1d(np.arange(len(ranges)), some)] = np.nan
+        nis, covariances = refit(states, way._replace(ranges=ranges), wall, sensors, reckoning)
+        found: list[int] = []
+        for k in np.flatnonzero(nis <= chdtri(np.isfinite(ranges).sum(), _FITS)):
+            known = [x, *(states[j] for j in found)]
+            if all(square_apart(states[k], each, _SAME + covariances[k], self._symmetry) > 1.0 for each in known):
+                found.append(int(k))
+        return Others(states[found], covariances[found])

@@ -60,9 +60,10 @@ from mathnavi.estimators.ranging.bank_kernels import (
     no_hypotheses,
     predict_each,
 )
-from mathnavi.estimators.ranging.confirmation import Confirmation
+from mathnavi.estimators.ranging.confirmation import Confirmation, replayed_calls
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.estimators.ranging.kalman_kernels import no_innovations
+from mathnavi.estimators.ranging.last_readings import LastReadings
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
 from mathnavi.estimators.ranging.reader import RangeReader
@@ -84,7 +85,6 @@ _FEASIBLE = 1e-4  # probability that a feasible pose is refused
 _MORE_OUTLIERS = 1.5  # times their share that may occur by chance while a misfit is averaged
 _STEADY = 1e-6  # of the period: what its multiples are rounded by
 _NEAREST = 0.1  # [m, rad] between hypotheses at the start
-_NEAR = (0.1, 0.1, 0.1)  # [m, m, rad] of a pose that has been fitted
 _LEFT = 0.25  # share of the greatest slip with which new hypotheses begin at most
 _REMEMBERED = 0.2  # [s] over which the misfit is averaged
 _REMEMBERED_READINGS = 0.75  # least memory of the misfit: four readings, however seldom they come
@@ -158,14 +158,13 @@ class FeasibleSetBank:
         self._best = 0
         # Ranges may be read more seldom than odometry, or in turn: what is older than the timeout is of no use.
         kept = max(config.readings, math.ceil(config.timeout / mission.period - 1e-9))
-        self._ranges = np.full((kept, mission.sensors), np.nan)  # of the last calls
-        self._inputs = np.zeros((kept, 2))  # over the periods that ended with them
-        self._times = np.full(kept, np.nan)  # [s] of them
-        self._calls = 0
+        self._last = LastReadings(max(kept, replayed_calls(mission.period, config.timeout)), mission.sensors)
+        self._kept = kept  # calls on which a search rests at most
         self._t = mission.begins or 0.0  # [s] of the hypotheses
         self._slip_weight = SlipWeight()
-        known = mission.start is not None
-        self._confirmation = Confirmation(self._model, mission.period, self._symmetry, is_known=known)
+        self._confirmation = Confirmation(
+            self._model, self._last, self._candidates, self._symmetry, is_known=mission.start is not None
+        )
         self._is_polygon = isinstance(mission.curve, Polygon)
         self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
         if mission.start is not None:
@@ -210,8 +209,7 @@ class FeasibleSetBank:
         readings that were not used, by ray; an outlier is one that is more likely so than not to the best hypothesis.
         """
         rho, u = self._reader.read(t, measurements, command)
-        self._remember(t, rho, u)
-        self._confirmation.remember(t, rho, u)
+        self._last.remember(t, rho, u)
         nis = np.full(2, np.nan)
         if self._is_alive:
             if t > self._t:
@@ -269,19 +267,13 @@ class FeasibleSetBank:
         believed = self._believed
         return int(np.argmax(np.where(believed, self._bank.score, -np.inf))) if believed.any() else None
 
-    def _remember(self, t: float, rho: Array, u: Array) -> None:
-        for values, newest in ((self._ranges, rho), (self._inputs, u), (self._times, np.array(t))):
-            values[:-1] = values[1:]
-            values[-1] = newest
-        self._calls += 1
-
     def _window(self) -> tuple[int, Array]:
         """Number of last calls whose readings are averaged, and which rays (l,) have enough of them.
 
         These are as many calls as readings are to be averaged, more if a ray was not read in them: a ray that is read
         at least half as often as the one that is read most.
         """
-        read = np.isfinite(self._ranges)
+        read = np.isfinite(self._last.last(self._kept).ranges)
         often = read.sum(axis=0)
         alive = (2 * often >= often.max()) & (often > 0)
         age = np.argmax(read[::-1], axis=0)  # of the last reading of each ray, in calls
@@ -309,7 +301,7 @@ class FeasibleSetBank:
     def _start(self) -> None:
         """Make new hypotheses from the last readings, if there are enough, and keep the best one so far."""
         calls, enough = self._window()
-        if self._calls < calls or enough.sum() < min(2, len(enough)):
+        if self._last.calls < calls or enough.sum() < min(2, len(enough)):
             return
         states, bank, alive = self._feasible(enough, calls), self._bank, self._is_alive
         count, last = len(states), len(bank.score) - 1
@@ -337,7 +329,7 @@ class FeasibleSetBank:
         """
         config, model, wall = self._config, self._model, self._model.wall
         y = np.full(len(rays), np.nan)
-        ranges, inputs = self._ranges[-calls:], self._inputs[-calls:]
+        ranges, inputs, _ = self._last.last(calls)
         y[rays] = np.nanmedian(ranges[:, rays], axis=0)
         read = np.isfinite(ranges) & rays
         often = np.maximum(read.sum(axis=0), 1)
@@ -357,7 +349,8 @@ class FeasibleSetBank:
 
     def _step(self, calls: int) -> float:
         """Time [s] between two of the last ``calls``: the declared period, unless they come at another rate."""
-        step = float(self._times[-1] - self._times[-calls]) / (calls - 1) if calls > 1 else self.period
+        times = self._last.last(calls).times
+        step = float(times[-1] - times[0]) / (calls - 1) if calls > 1 else self.period
         return self.period if abs(step - self.period) < _STEADY * self.period else step
 
     def _estimate(self, t: float, nis: Array) -> Estimate:
@@ -387,17 +380,17 @@ class FeasibleSetBank:
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
 
     def _is_confirmed(self, P: Array) -> bool:
-        found, (sigma, outliers) = self._confirmation, noise_of(self._noise)
+        bank, best, (sigma, outliers) = self._bank, self._best, noise_of(self._noise)
         sensors = self._sensors.noisier(max(sigma, 1.0) if self._is_polygon else sigma, outliers)
-        confirmed = found.confirms(self._bank, self._best, P, sensors, self._config.misfit, self._correlated)
-        add(self._bank, self._best, found.others, self._model.covariance(_NEAR), self._symmetry)
-        return confirmed
+        others = self._confirmation.attempt(bank, best, P, sensors, self._config.misfit, self._correlated)
+        add(bank, best, others.states, others.covariances, self._symmetry)
+        return self._confirmation.is_confirmed
 
     def _waits_to_start(self) -> str:
         """Readings that are missing for the first hypotheses."""
         calls, enough = self._window()
-        if self._calls < calls:
-            return f"waits for {calls} readings to average: it has {self._calls}"
+        if self._last.calls < calls:
+            return f"waits for {calls} readings to average: it has {self._last.calls}"
         needed = min(2, len(enough))
         return f"waits for ranges of {needed} beam{'s' * (needed > 1)} at one pose: it has {enough.sum()}"
 

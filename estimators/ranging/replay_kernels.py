@@ -11,21 +11,22 @@ where d_k is a random walk: odometry and slip add w to the place and w_phi to th
     d_{k+1} = d_k + (w_1 + w_phi (x_2k - x_2), w_2 - w_phi (x_1k - x_1), w_phi).
 
 A Kalman filter that knows nothing at first finds d and its covariance from the readings alone, whatever the estimator
-has been told before: the estimate is confirmed if these determine d, if d is zero within the errors of both, and if the
-ranges agree with each other.
+has been told before.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
 
 from mathnavi.estimators.ranging.bank_kernels import BY_HEADING, SENSORS, WALL
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, expected_range, step_within
+from mathnavi.estimators.ranging.last_readings import Way
 from mathnavi.interfaces.compiled import Signature, njit
-from mathnavi.interfaces.kernel_types import ONE, TWO
+from mathnavi.interfaces.kernel_types import ONE, TWO, named
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, is_inside
 from mathnavi.models.unicycle.kernels import integrate, wrapped
@@ -34,25 +35,29 @@ _STEPS, _LONGEST, _LAST = 8, 1.0, 1e-3  # of a fit, its longest [m, rad], and th
 _NOTHING = 1e4  # [m^2, rad^2] variance of d before the first reading
 
 
-@njit(cache=True, nogil=True)
-def replay(
-    x: Array,
-    ranges: Array,
-    inputs: Array,
-    times: Array,
-    wall: WallShape,
-    sensors: RaySensors,
-    W: Array,
-    scale: float,
-    slip: float,
-) -> tuple[int, int, float, Array, Array]:
-    """Fit d (3,) [m, m, rad] to ``ranges`` (n, l) [m], NaN where lost, on the way to x (4,).
+class Reckoning(NamedTuple):
+    """Errors of dead reckoning."""
 
-    ``inputs`` (n, 2) [m/s, rad/s], of variances W (2,), were held over the periods that end at ``times`` (n,) [s], the
-    last of which is that of x; ``scale`` is the variance of x_4, ``slip`` [m^2/s] the intensity of the process noise of
-    slip. Returns the number of rays, how many of them are beyond the gate or were read from beyond the wall, the sum of
-    NIS of the others, d and its covariance (3, 3).
-    """
+    W: Array  # (2,) [m^2/s^2, rad^2/s^2] variances of an input
+    scale: float  # variance of the scale error x_4
+    slip: float  # [m^2/s] intensity of the process noise of slip
+
+
+class Fit(NamedTuple):
+    """Result of a replay."""
+
+    rays: int  # number of ranges that were compared
+    beyond: int  # of them: beyond the gate, or from a pose beyond the wall
+    nis: float  # sum over the others
+    d: Array  # (3,) [m, m, rad] error of the pose
+    P: Array  # (3, 3) covariance of d
+
+
+@njit(cache=True, nogil=True)
+def replay(x: Array, way: Way, wall: WallShape, sensors: RaySensors, reckoning: Reckoning) -> Fit:
+    """Fit d to the ranges on the way to x (4,)."""
+    ranges, inputs, times = way
+    W, scale, slip = reckoning
     n, (coefficients, polyline) = len(times), wall
     poses, ways, turns = np.empty((n, 3)), np.zeros(n), np.zeros(n)
     poses[n - 1] = x[:3]
@@ -102,34 +107,22 @@ def replay(
                 d[a] += PJ[a] * nu / s
                 for c in range(3):
                     P[a, c] -= PJ[a] * PJ[c] / s
-    return rays, beyond, nis, d, P
+    return Fit(rays, beyond, nis, d, P)
 
 
 @njit(cache=True, nogil=True)
-def refit(
-    states: Array,
-    ranges: Array,
-    inputs: Array,
-    times: Array,
-    wall: WallShape,
-    sensors: RaySensors,
-    W: Array,
-    scale: float,
-    slip: float,
-) -> Array:
-    """Fit each of ``states`` (m, 4), in place, to the readings on the way to it (see ``replay``) by Gauss-Newton steps
-    within the wall.
+def refit(states: Array, way: Way, wall: WallShape, sensors: RaySensors, reckoning: Reckoning) -> tuple[Array, Array]:
+    """Fit each of ``states`` (m, 4), in place, to the ranges on the way to it by Gauss-Newton steps within the wall.
 
-    Returns the mean of NIS of its rays (m,); infinite where a ray is beyond the gate or the steps do not end.
+    Returns the sums of NIS (m,), infinite where a ray is beyond the gate or the steps do not end, and the covariances
+    (m, 3, 3) of the poses.
     """
-    far = np.full(len(states), np.inf)
-    open_sensors = RaySensors(
-        sensors.angles, sensors.relative, sensors.absolute, np.inf, sensors.outliers, sensors.longest
-    )
+    far, covariances = np.full(len(states), np.inf), np.zeros((len(states), 3, 3))
+    ungated = RaySensors(sensors.angles, sensors.relative, sensors.absolute, np.inf, sensors.outliers, sensors.longest)
     for m in range(len(states)):
         x, ended = states[m], False
         for _ in range(_STEPS):
-            _, _, _, d, _ = replay(x, ranges, inputs, times, wall, open_sensors, W, scale, slip)
+            d = replay(x, way, wall, ungated, reckoning).d
             largest = max(abs(d[0]), abs(d[1]), abs(d[2]))
             if not math.isfinite(largest):
                 break
@@ -142,14 +135,13 @@ def refit(
                 ended = True
                 break
         if ended:
-            rays, beyond, nis, _, _ = replay(x, ranges, inputs, times, wall, sensors, W, scale, slip)
-            if rays > 0 and beyond == 0:
-                far[m] = nis / rays
-    return far
+            fit = replay(x, way, wall, sensors, reckoning)
+            if fit.rays > 0 and fit.beyond == 0:
+                far[m], covariances[m] = fit.nis, fit.P
+    return far, covariances
 
 
-_READINGS = (TWO, TWO, ONE, WALL, SENSORS, ONE, types.float64, types.float64)
-KERNELS: tuple[Signature, ...] = (
-    (replay, (ONE, *_READINGS)),
-    (refit, (TWO, *_READINGS)),
-)
+_ARGUMENTS = (
+    named(Way, TWO, TWO, ONE), WALL, SENSORS, named(Reckoning, ONE, types.float64, types.float64),
+)  # fmt: skip
+KERNELS: tuple[Signature, ...] = ((replay, (ONE, *_ARGUMENTS)), (refit, (TWO, *_ARGUMENTS)))

@@ -34,7 +34,7 @@ _CONTRADICT = 1.0 / 3.0  # share of rays that may be beyond the gate, where outl
 _MORE = 1.5  # times the share of outliers that may occur by chance
 _BY_THEMSELVES = 3  # rays that determine a pose without odometry
 _PROJECTIONS, _FITTED, _NEAREST = 3, 48, 0.1  # steps; poses that are fitted, and how far apart [m, rad] at least
-_SOME = 12  # readings that they are fitted to
+_SOME = 8  # readings that they are fitted to
 _FITS = 1e-3  # probability that the true pose is not found to fit
 _SAME = 0.3**2 * np.eye(3)  # [m^2, rad^2] within which a pose is the same
 

@@ -31,7 +31,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, is_inside
 from mathnavi.models.unicycle.kernels import integrate, wrapped
 
-_STEPS, _LONGEST, _LAST = 8, 1.0, 1e-3  # of a fit, its longest [m, rad], and the one that ends it
+_STEPS, _LONGEST, _LAST = 6, 1.0, 1e-3  # of a fit, its longest [m, rad], and the one that ends it
 _NOTHING = 1e4  # [m^2, rad^2] variance of d before the first reading
 
 
@@ -78,6 +78,8 @@ def replay(x: Array, way: Way, wall: WallShape, sensors: RaySensors, reckoning: 
                 P[i, i] += q if i < 2 else 0.0
                 for j in range(3):
                     P[i, j] += q_phi * b[i] * b[j]
+        if not (ranges[k] > 0.0).any():
+            continue
         inside = is_inside(coefficients, polyline, poses[k, 0], poses[k, 1])
         for i in range(len(sensors.angles)):
             if not ranges[k, i] > 0.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
 import math
 import os
@@ -14,6 +15,7 @@ _LONGEST_NAME, _LONGEST_PATH = 255, 4095  # [bytes] that the file systems of Lin
 _LONGEST_PLAIN = 100  # [bytes], which leaves room for endings
 PAGES = (".html", ".htm")  # endings of a page
 _OFFERED = 3  # names in the place of a misspelt one
+_CLOSE, _CLOSE_AS_A_WHOLE, _AS_SIMILAR = 0.7, 0.85, 0.05  # similarities of names, 1 if equal
 
 
 def check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
@@ -101,53 +103,34 @@ def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
 
 
 def close_names(name: str, known: Sequence[str]) -> list[str]:
-    """Return the names that a misspelt one may stand for: up to three at the least distance, none if all are far.
+    """Return the names that a misspelt one may stand for, the most similar first: three at most, none if all are far.
 
-    Each part of a name, between points, may be off by a third of its letters, or one part by a letter; case, "-" and
-    "_" do not count. Where no name is that close, those that begin with the given one count, or one with which it
-    begins.
+    Names have as many parts, between points, and each part is similar, or they are as a whole; case, "-" and "_" do not
+    count. Where no name is, those that begin with the given one count, or one with which it begins.
     """
-    given, far = _folded(name), len(name) + 1
-    distances = {each: _distance_by_part(given, _folded(each), far) for each in known}
-    least = min(distances.values(), default=far)
-    if least == far:
-        return [each for each in distances if _continues(given, _folded(each))][:_OFFERED]
-    return [each for each, distance in distances.items() if distance == least][:_OFFERED]
+    given = _folded(name)
+    similar = {each: _similarity(given, _folded(each)) for each in known}
+    if not any(similar.values()):
+        return [each for each in similar if _continues(given, _folded(each))][:_OFFERED]
+    least = max(similar.values()) - _AS_SIMILAR
+    return sorted((each for each in similar if similar[each] >= least), key=lambda each: -similar[each])[:_OFFERED]
 
 
 def _folded(name: str) -> str:
     return name.lstrip("-").casefold().replace("_", "-")
 
 
-def _distance_by_part(given: str, known: str, far: int) -> int:
-    """Return the number of edits between two names, ``far`` if a part of one is no misspelling of the other's."""
-    parts, others = given.split("."), known.split(".")
-    edits = [edit_distance(part, other) for part, other in zip(parts, others, strict=False)]
-    close = all(edit <= len(part) // 3 for edit, part in zip(edits, parts, strict=False))
-    close |= len(parts) > 1 and sum(edits) == 1  # truth.y for truth.x
-    return sum(edits) if close and len(parts) == len(others) else far
+def _similarity(given: str, known: str) -> float:
+    """Return the similarity of two names, 0 if a part of one is no misspelling of the other's."""
+    pairs = [*zip(given.split("."), known.split("."), strict=False)]
+    if given.count(".") != known.count("."):
+        return 0.0
+    whole = difflib.SequenceMatcher(None, given, known).ratio()
+    parts = min(difflib.SequenceMatcher(None, *pair).ratio() for pair in pairs)
+    return whole if parts >= _CLOSE or (len(pairs) > 1 and whole >= _CLOSE_AS_A_WHOLE) else 0.0
 
 
 def _continues(given: str, known: str) -> bool:
     """Return True if one name begins with the other, which is half of it at least, and not the group of its fields."""
     short, long = sorted((given, known), key=len)
     return long.startswith(short) and long[len(short)] != "." and 2 * len(short) >= len(long)
-
-
-def edit_distance(first: str, second: str) -> int:
-    """Return the least number of letters to insert, remove, replace or swap with their neighbour between two texts.
-
-    No letter is edited twice (optimal string alignment): d[i, j] is the distance of the first i and j letters.
-    """
-    before: list[int] = []
-    row = [*range(len(second) + 1)]
-    for i, letter in enumerate(first, 1):
-        last, row = row, [i]
-        for j, other in enumerate(second, 1):
-            edits = min(last[j] + 1, row[j - 1] + 1, last[j - 1] + (letter != other))
-            if i > 1 and j > 1 and letter == second[j - 2] and first[i - 2] == other:
-                edits = min(edits, before[j - 2] + 1)
-            row.append(edits)
-        before = last
-    distance: int = row[-1]
-    return distance

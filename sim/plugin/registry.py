@@ -374,8 +374,9 @@ def _check_made(subject: str, built: Any, method: str) -> None:
 
 
 def _kind(value: Any) -> str:
-    return "None" if value is None else _article(type(value).__name__)
+    return "None" if value is None else with_article(type(value).__name__)
 
 
-def _article(word: str) -> str:
+def with_article(word: str) -> str:
+    """Return a word behind "a" or "an"."""
     return f"{'an' if word[0] in 'AEIOUaeiou' else 'a'} {word}"

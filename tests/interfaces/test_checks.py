@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.interfaces.checks import check, check_names, close_names, edit_distance
+from mathnavi.interfaces.checks import check, check_names, close_names
 from mathnavi.interfaces.errors import FieldError
 
 LOW, HIGH = -1.0, 2.5
@@ -56,22 +56,10 @@ FLAGS = (
         ("--output", ["--out"]),
         ("--faults.gust", ["--faults.gust-rms"]),
         ("--Faults.gust_rms", ["--faults.gust-rms"]),
+        ("--noise.positoin", ["--noise.position"]),
+        ("--tragets", ["--target"]),
         *((name, []) for name in ("--mission", "--time", "--workers", "--port", "--noise", "--estimator.margin", "--")),
     ],
 )
 def test_only_a_name_that_is_close_is_offered(name: str, offered: list[str]) -> None:
     assert close_names(name, FLAGS) == offered
-
-
-WORD = st.text("abc", max_size=7)
-
-
-@given(WORD, WORD, st.integers(0, 6))
-def test_the_distance_of_texts_is_the_number_of_edits(first: str, second: str, k: int) -> None:
-    distance = edit_distance(first, second)
-    assert distance == edit_distance(second, first)
-    assert (distance == 0) == (first == second)
-    assert abs(len(first) - len(second)) <= distance <= max(len(first), len(second))
-    assert edit_distance(first, f"{first[:k]}d{first[k:]}") == 1
-    swapped = f"{first[:k]}{first[k : k + 2][::-1]}{first[k + 2 :]}"
-    assert edit_distance(first, swapped) == (swapped != first)

@@ -34,6 +34,7 @@ from mathnavi.sim.plugin.registry import (
     load,
     loadable,
     names,
+    with_article,
 )
 from mathnavi.sim.records.event_kinds import is_alarm
 from mathnavi.sim.records.run_spec import RunSpec
@@ -63,7 +64,7 @@ def check_plugin(place: str, mission: str = "") -> CheckResult:
     result.fact(WORDS[kind], [(plugin.__doc__ or "without a docstring").strip().partition("\n")[0]])
     result.fact("fields", [split_joined(leaves) or "none"])
     if mission and kind != "estimators":
-        raise BadInputError(f"--mission with {_article(WORDS[kind])}; allowed: with an estimator, over a log")
+        raise BadInputError(f"--mission with {with_article(WORDS[kind])}; allowed: with an estimator, over a log")
     if kind == "scenarios":
         _check_scenario(place, plugin, result)
     else:
@@ -98,7 +99,7 @@ def _loaded(place: str, result: CheckResult) -> tuple[str, Any]:
     except PluginError as error:
         what, _, allowed = str(error).partition(": ")[2].partition("; allowed: ")
         needed = f"Config, a frozen dataclass whose fields have defaults, {' and '.join(NEEDED[kind])}"
-        result.missing(f"as {_article(WORDS[kind])}: {what}", f"what is allowed: {allowed or needed}")
+        result.missing(f"as {with_article(WORDS[kind])}: {what}", f"what is allowed: {allowed or needed}")
         return kind, None
     return kind, plugin
 
@@ -111,20 +112,13 @@ def _kind_of(plugin: Any) -> str:
     return next((kind for kind, own in marks.items() if any(hasattr(plugin, each) for each in own)), "controllers")
 
 
-def _article(word: str) -> str:
-    return f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
-
-
 def _check_part(kind: str, plugin: Any, result: CheckResult, given: str = "") -> None:
     """Check a controller, an estimator or a consensus in the scenarios that have a mission of its kind.
 
     An estimator is checked over a log too, if there is a mission: the ``given`` one, or one in its own module.
     """
-    part, mission = WORDS[kind], _mission_of(plugin)
-    scenarios, over_log = (
-        loadable("scenarios"),
-        given or (_own_mission(plugin, mission) if kind == "estimators" else ""),
-    )
+    part, mission, scenarios = WORDS[kind], _mission_of(plugin), loadable("scenarios")
+    over_log = given or (_own_mission(plugin, mission) if kind == "estimators" else "")
     if mission is None:
         result.note(
             "build() does not say which mission it is for: with another one it fails where it first misses something",

@@ -101,7 +101,7 @@ class Confirmation:
         if not fit.rays:
             return _NONE
         C = correlated * fit.P
-        coarse = max(_DETERMINED, float(np.sqrt(self._model.range_variance(np.nanmax(way.ranges)))))
+        coarse = max(_DETERMINED, math.sqrt(np.nanmax(self._model.range_variance(way.ranges))))
         determined = np.linalg.eigvalsh(C[:2, :2])[-1] <= coarse**2 and C[2, 2] <= _DETERMINED**2
         agrees = bool(
             fit.beyond <= max(_CONTRADICT, _MORE * sensors.outliers) * fit.rays

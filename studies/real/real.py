@@ -23,7 +23,7 @@ from mathnavi.interfaces.field_table import TOGETHER
 from mathnavi.models.mechanism.entity import MechanismPlace, file_of
 from mathnavi.renders.study_report import Table
 from mathnavi.studies.framework.study import Jobs, Row, Setup, StudyResult, chosen
-from mathnavi.studies.real import gtsam_smoother, targets
+from mathnavi.studies.real import gtsam_peers, targets
 from mathnavi.studies.real.arm_filters import ArmComparison, arm_rows
 from mathnavi.studies.real.attitude_logs import AttitudeLog, attitude_rows
 from mathnavi.studies.real.beacon_logs import BeaconCase, beacon_rows
@@ -187,15 +187,15 @@ class Real:
 
 def _peers(rows: Sequence[Row], cases: Sequence[BeaconCase], setup: Setup) -> list[Row]:
     """Rows of GTSAM with all beacons, the ranges as recorded and over the scale that our filter found."""
-    if not gtsam_smoother.at_hand():
+    if not gtsam_peers.at_hand():
         return []
     jobs = Jobs()
     for case in cases:
         if case.knows_start:
             scales = {row["setting"] for row in chosen(rows, part=case.part, log=case.log, start="known")}
             for scale in (0.0, *sorted(each for each in scales if math.isfinite(each))):
-                jobs.add(case.part, gtsam_smoother.gtsam_row, [case], scale=scale)
-    return [row for of_part in jobs.done(setup).values() for row in of_part]
+                jobs.add(case.part, gtsam_peers.gtsam_rows, [case], scale=scale)
+    return [row for of_part in jobs.done(setup).values() for each in of_part for row in each]
 
 
 def _drawn(rows: Sequence[Row], windows: Sequence[FloorWindow], setup: Setup) -> DrawnWindow | None:

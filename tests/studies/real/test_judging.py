@@ -63,8 +63,15 @@ def test_without_the_rival_nothing_is_said_of_who_is_better() -> None:
     measured, holds = judge_beacons(ours)
     assert holds is None
     assert "rival not at hand" in measured
-    assert judge_beacons([*ours, row(estimator="GTSAM, batch", position_rms_all_m=0.2, **common)])[1]
-    assert judge_beacons([*ours, row(estimator="GTSAM, batch", position_rms_all_m=0.19, **common)])[1] is False
+    batch, on_line = (
+        row(estimator=name, position_rms_all_m=0.2, **common) for name in ("GTSAM, batch", "GTSAM, invariant EKF")
+    )
+    worse, better = dict(batch, position_rms_all_m=0.21), dict(batch, position_rms_all_m=0.19)
+    assert judge_beacons([*ours, worse])[1] is None  # each is compared with its like
+    assert judge_beacons([*ours, worse, batch, on_line])[1]
+    assert judge_beacons([*ours, better, on_line])[1] is False
+    worst = dict(on_line, position_rms_all_m=ours[0]["position_rms_all_m"] / 1.21)
+    assert judge_beacons([*ours, batch, worst])[1] is False
 
 
 def test_an_arm_is_compared_with_the_best_of_the_tuned_filters() -> None:

@@ -74,6 +74,7 @@ class Guarded:
         most_out: int = 2,
         cost: float = COST,
         rival: Callable[[], Estimator] | None = None,
+        common: Array | None = None,
     ) -> None:
         """Attach the monitor to an estimator.
 
@@ -87,11 +88,13 @@ class Guarded:
             most_out: number of channels that may be left out together; 0 where none can be spared.
             cost: time [s] of an update that is run again.
             rival: maker of an estimator that finds its state by itself, to compare with; None for no such.
+            common: covariance of errors that no reading tells, added to that of each estimate; None for no such.
         """
         self.period = estimator.period
         self._now, self._recovery, self._restart = Replay(estimator, witness), recovery, restart
         self._counted: Array = np.zeros(len(Unused))
         self._earlier: Array | None = None  # unused readings of estimators before
+        self._common = common
         self._channels = len(witness.names)
         self._none_out = np.zeros(self._channels)
         self._none_out.flags.writeable = False
@@ -198,6 +201,8 @@ class Guarded:
             P = P if P is None or excess <= 1.0 else excess * P
         elif self._in_doubt:
             status, message = worst(status, Status.DEGRADED), message or _DOUBT
+        if self._common is not None and P is not None:
+            P = P + self._common
         return Estimate(estimate.t, estimate.x, P, status, extra, message)
 
     def _replace(self, replay: Replay, *, anew: bool) -> None:

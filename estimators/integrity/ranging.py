@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.guard import COST, Guarded
 from mathnavi.estimators.integrity.pose_kernels import AGE, begin_branch, no_branches, no_repeats, observe
-from mathnavi.estimators.integrity.pose_protection import ALERT, no_responses, nothing_since, square
+from mathnavi.estimators.integrity.pose_protection import ALERT, DEVIATIONS, no_responses, nothing_since, square
 from mathnavi.estimators.integrity.windows import (
     CLIP,
     IMPOSSIBLE,
@@ -79,6 +79,7 @@ class PoseWitness:
         self._branches = no_branches(int(thresholds.lengths[-1]) // self._every + 2)
         self._responses, self._since = no_responses(len(self._branches), self._rays), nothing_since(self._rays)
         self._level = np.full(6, np.nan)
+        self._map = DEVIATIONS * np.array(mission.map_deviation)
         self._repeats, self._most = no_repeats(self._rays), 0
         self._nothing = np.full(self._rays, np.nan), np.full(2, np.nan)
         self._k = self._odd = 0  # updates, and the last one in which the odometry failed its own test
@@ -124,7 +125,7 @@ class PoseWitness:
     @property
     def protection(self) -> Array:
         """Errors (2,) [m], [rad] of the last estimate: three standard deviations, and what a fault may have caused."""
-        level, excess = self._level[4:].copy(), self.windows.excess
+        level, excess = self._level[4:] + self._map, self.windows.excess
         return level if excess == 1.0 else level + (math.sqrt(excess) - 1.0) * self._level[2:4]
 
     def _found(self, before: Estimate) -> tuple[float, float]:
@@ -280,13 +281,16 @@ def guarded(
     start is unknown, and where it is lost it begins again from what the finder found. ``stand_in`` makes the estimator
     of replays, where the other takes too long to run again; one whose update takes ``cost`` [s] about.
 
-    From an unknown start as many rays are kept as tell a wrong pose from the right one.
+    From an unknown start as many rays are kept as tell a wrong pose from the right one. How far the map may be off is
+    part of what is published, and of nothing within: it moves the walls and the pose alike.
     """
     by_itself, starts = finder is None, mission.start is not None
     spare = mission.sensors - (1 if starts else _FINDS_A_POSE)
+    place, direction = np.square(mission.map_deviation).tolist()
     return Guarded(
         build(mission), PoseWitness(mission), most_out=min(most_out, spare), trusted=by_itself or starts,
         recovery=None if finder is None else Relocation(mission, build, finder),
         restart=Restarts(mission, build, stand_in), cost=cost,
         rival=partial(build, dataclasses.replace(mission, start=None)) if by_itself and stand_in is None else None,
+        common=np.diag([place, place, direction]) if place or direction else None,
     )  # fmt: skip

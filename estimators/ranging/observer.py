@@ -231,8 +231,10 @@ class RangeObserver:
     def build(config: RangeObserverConfig, mission: RangingMission) -> RangeObserver:
         """Build the estimator of one run.
 
-        Raises FieldError for a ``z_0`` whose length does not fit the mission's sensors, MissionError for a polygon.
+        Raises FieldError for a ``z_0`` whose length does not fit the mission's sensors, MissionError for a polygon or a
+        map that may be off.
         """
+        mission.check_map("range_observer")
         return RangeObserver(config, mission)
 
     @staticmethod

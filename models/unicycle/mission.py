@@ -165,6 +165,9 @@ LEAST_NOISE = 1e-4  # [m] least noise that an estimator assumes of a range, howe
 _SAME = 1e-9  # [rad]
 _DEVIATIONS, _OTHER_WALL = 8.0, 0.25  # of the noise, and share of the longest range by which a wall may be another
 
+MapDeviation = Annotated[
+    tuple[float, float], Condition(lambda each: min(each) >= 0.0, "0 or more"), FINITE_NUMBERS
+]
 SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 
 
@@ -179,6 +182,9 @@ class RangingMission(UnicycleMotion):
     angles: SensorAngles  # (l,) [rad] alpha_i, counter-clockwise from the heading
     ranging: RangeQuality = field(default_factory=RangeQuality)
     odometry: OdometryQuality = field(default_factory=OdometryQuality)
+    map_deviation: MapDeviation = (0.0, 0.0)
+    """standard deviations of place [m], along either axis, and direction [rad] of the walls around the robot: common to
+    all ranges, so that no reading tells them, and part of the covariance of a pose"""
     start: KnownStart | None = None  # None: anywhere within the wall
     speed_max: float = 1.0  # [m/s]
     turn_rate_max: float = 2.0  # [rad/s]
@@ -192,6 +198,11 @@ class RangingMission(UnicycleMotion):
             raise MissionError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
         if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
             raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
+
+    def check_map(self, name: str) -> None:
+        """Raise MissionError if walls may be off, for an estimator ``name`` whose theorem needs their true place."""
+        if any(self.map_deviation):
+            raise MissionError(f"map_deviation = {self.map_deviation!r} with {name}; allowed: (0.0, 0.0)")
 
     @property
     def input_size(self) -> int:

@@ -41,6 +41,7 @@ NEARBY = 3.0  # [m] from a pose of a window to one of the map's scans
 EVERY = 10.0  # [s] between the windows that are looked at
 CANDIDATES = 40  # random poses to begin with, per square metre
 TIMEOUT = 20.0  # [s] longer than scans are apart
+OFF = (0.05, 0.01)  # [m, rad] deviation of a map: scans fitted to their own are off by 0.04 m and 0.008 rad, RMS
 UNSURE = (0.3, 0.3, 0.15)  # [m, m, rad] deviation of a start that is known
 
 
@@ -196,6 +197,7 @@ def estimated(window: FloorWindow, beams: int, name: str) -> WindowEstimates:
         tuple(floor.angles[chosen].tolist()),
         RangeQuality(0.01, 0.1, outliers=0.15, maximum=place.reach),
         OdometryQuality((noise[0], noise[1]), 0.02),
+        map_deviation=OFF,
         start=None if name in FINDING else KnownStart((pose[0], pose[1], pose[2]), UNSURE, float(floor.t[rows[0]])),
         period=period,
     )

@@ -16,6 +16,7 @@ from mathnavi.estimators.integrity.guard import alone
 from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank
 from mathnavi.estimators.ranging.pose_filter import RangeEkf, RangeIekf
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.plugin.registry import load
@@ -57,10 +58,12 @@ def found_by_bank(mission: mn.RangingMission) -> FeasibleSetBank:
     return FeasibleSetBank(FeasibleSetBank.Config(), mission)
 
 
-def estimates(kind: Any, drive: Drive, known: bool = True, alone: bool = False) -> list[Estimate]:
+def estimates(
+    kind: Any, drive: Drive, known: bool = True, alone: bool = False, off: tuple[float, float] = (0.0, 0.0)
+) -> list[Estimate]:
     start = mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05)) if known else None
     ranging, odometry = mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY)
-    mission = mn.RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD)
+    mission = mn.RangingMission(WALL, ANGLES, ranging, odometry, map_deviation=off, start=start, period=PERIOD)
     build, finder = partial(kind, kind.Config()), None if kind is FeasibleSetBank else found_by_bank
     estimator: Any = build(mission) if alone else guarded(build, mission, finder=finder)
     found = []
@@ -421,3 +424,48 @@ def test_a_filter_that_refuses_its_readings_since_an_alarm_begins_again() -> Non
     assert Status.LOST in own
     assert found.status is Status.OK
     assert np.hypot(*(found.x - drive.x[k])[:2]) < 0.05
+
+
+@pytest.mark.parametrize("kind", [RangeEkf, FeasibleSetBank], ids=lambda kind: kind.__name__)
+def test_how_far_a_map_may_be_off_is_part_of_the_covariance_and_of_nothing_else(kind: Any) -> None:
+    """The walls are beside their true place: readings do not tell, the covariance and the protection level do."""
+    drive, known = driven(5), kind is not FeasibleSetBank
+    c, s = math.cos(-0.015), math.sin(-0.015)
+    true = drive.x.copy()
+    true[:, :2] = true[:, :2] @ np.array([[c, s], [-s, c]]) + [0.06, -0.05]
+    true[:, 2] += -0.015
+    as_drawn, declared = estimates(kind, drive, known), estimates(kind, drive, known, off=(0.05, 0.01))
+    assert all((one.x == other.x).all() for one, other in zip(as_drawn, declared, strict=True))
+    beside = drive._replace(x=true)
+    assert sure_and_wrong(as_drawn, beside) > 5.0
+    assert sure_and_wrong(declared, beside) == 0.0
+    added = declared[-1].covariance - as_drawn[-1].covariance
+    assert np.allclose(added, np.diag([0.05**2, 0.05**2, 0.01**2]))
+    assert np.allclose(declared[-1].extra["protection"] - as_drawn[-1].extra["protection"], [0.15, 0.03])
+
+
+def test_every_estimator_within_walls_declares_a_map_that_may_be_off_or_refuses_it() -> None:
+    from mathnavi.models.unicycle.mission import RangingMission
+
+    start = mn.KnownStart((2.0, 1.2, 0.3), (0.05, 0.05, 0.05))
+    mission = RangingMission(WALL, ANGLES, mn.RangeQuality(absolute=NOISE), start=start, period=PERIOD)
+    moved = replace(mission, map_deviation=(0.05, 0.01))
+    rho = WALL.ranges(np.array(start.pose), ANGLES)[0]
+    readings = mn.Measurement("ranges", PERIOD, rho), mn.Measurement("odometry", PERIOD, np.zeros(2))
+    for name in ("feasible_set_bank", "range_ekf", "range_iekf", "range_ukf", "range_particle", "moving_horizon"):
+        kind: Any = load("estimators", name)
+        P, Q = (
+            kind.build(kind.Config(), each).update(PERIOD, readings, np.zeros(2)).covariance
+            for each in (mission, moved)
+        )
+        assert np.allclose(Q - P, np.diag([0.05**2, 0.05**2, 0.01**2]), atol=1e-6), name
+    for name in ("range_observer", "range_certified"):
+        kind = load("estimators", name)
+        with pytest.raises(mn.MissionError, match=r"map_deviation = \(0.05, 0.01\) with"):
+            kind.build(kind.Config(), moved)
+
+
+@pytest.mark.parametrize("off", [(-0.05, 0.0), (0.0, math.nan), (0.0, -1.0)])
+def test_a_map_deviation_is_not_negative(off: tuple[float, float]) -> None:
+    with pytest.raises(FieldError, match="map_deviation"):
+        mn.RangingMission(WALL, ANGLES, map_deviation=off)

@@ -74,7 +74,7 @@ def judge_floor(rows: Sequence[Row]) -> Verdict:
 
 
 def judge_beacons(rows: Sequence[Row]) -> Verdict:
-    """Filter and smoother with all beacons and a known start against GTSAM's best likewise, on each log."""
+    """Filter and smoother with all beacons and a known start against GTSAM's best of the same kind, on each log."""
     measured, verdicts = [], []
     for log in dict.fromkeys(row["log"] for row in rows):
         of_log = chosen(rows, log=log)

@@ -292,6 +292,8 @@ def search(
         if h <= sizes[1, 0] and w <= sizes[1, 1] and reach * box[8] <= sizes[1, 0] and box[6] == 0.0:
             box[6] = 1.0
             pose = _fitted(grid, rows[:ends], box, len(estimate), scales)
+            if len(estimate) > 3 and _is_near(poses, count, pose, 0.0, 0.0, nearby, point):
+                pose[:3], pose[3] = box[:3], box[7]  # of a set that is larger than what is near its best pose
             if not _is_near(poses, count, pose, 0.0, 0.0, nearby, point) and explains(
                 wall, rays, outliers, limit, pose
             ):

@@ -132,7 +132,7 @@ class BeaconCertificate:
         sizes = _SHARES * nearby
         sizes[0, 1] = _FIRST_TURN
         scale = min(max(1.0 / (1.0 + scale_error), scales[0] - scales[1]), scales[0] + scales[1])
-        pose = np.append(composed(np.asarray(estimate, np.float64), relative(now.pose, np.zeros(3))), scale)
+        pose = np.append(self.at_middle(estimate), scale)
         wall, limits = (_NO_WALL, _box(rays, scales, outliers)), (MOST_OTHERS, _MOST_BOXES)
         found, undecided, boxes = search(
             wall, (_NO_WALL, 0.0, 0.0, _CELL, 0.0), (rows, outliers, limit), rays, pose,
@@ -147,6 +147,10 @@ class BeaconCertificate:
     def _kappa(self) -> float:
         """Standard deviations of all bounds: of each range, of each motion and of the scale."""
         return -float(ndtri(0.25 * self._config.probability / (7 * len(self._readings) + 1)))
+
+    def at_middle(self, pose: Array) -> Array:
+        """Pose (3,) at the middle reading of a robot that is at ``pose`` (3,) now, by odometry."""
+        return composed(np.asarray(pose, np.float64), relative(self._motions()[-1].pose, np.zeros(3)))
 
     def constraints(self) -> tuple[Array, Array, int, float, tuple[float, float]]:
         """Constraints on a pose at the middle reading; see ``_constraints``."""

@@ -16,7 +16,8 @@ test refutes is divided; the poses that are left are found by least squares and 
 
 Of a range y_j to a beacon at b_j the function is |q_j(x) - b_j| - s y_j in place of the wall's distance, q_j(x) being
 the place of the robot at that reading. It is 1-Lipschitz in q_j too; the scale s of all ranges is one more coordinate
-of a box, of half-width v, and adds y_j v to m_j. Errors of readings are then max(1, s + v) times as large.
+of a box, of half-width v, and adds y_j v to m_j. Errors of readings are then max(1, s + v) times as large. Each reading says an
+interval of s for a box of poses; scales that more of them contradict than may be outliers are taken off the box.
 """
 
 from __future__ import annotations
@@ -127,6 +128,22 @@ def _refuting(grid: DistanceGrid, tests: Tests, ends: int, box: Array) -> int:
         if total > limit:
             return j
     return first if trims and _trimmed(squares, outliers) > limit else -1
+
+
+@inner_njit(nogil=True)
+def _contracts(rows: Array, outliers: int, box: Array) -> bool:
+    """Take off scales of a box that more readings contradict than may be outliers; False if none is left."""
+    c, s, shift, larger = math.cos(box[2]), math.sin(box[2]), math.sqrt(2.0) * box[3], max(1.0, box[7] + box[8])
+    least, most = np.empty(len(rows)), np.empty(len(rows))
+    for j in range(len(rows)):
+        ax, ay = rows[j, 0], rows[j, 1]
+        dx, dy = box[0] + c * ax - s * ay - rows[j, 6], box[1] + s * ax + c * ay - rows[j, 7]
+        rho, error = math.sqrt(dx * dx + dy * dy), shift + rows[j, 2] * box[4] + larger * rows[j, 3]
+        least[j], most[j] = (rho - error) / rows[j, 8], (rho + error) / rows[j, 8]
+    low = max(box[7] - box[8], np.sort(least)[len(rows) - 1 - outliers])
+    high = min(box[7] + box[8], np.sort(most)[outliers])
+    box[7], box[8] = 0.5 * (low + high), 0.5 * (high - low)
+    return low <= high
 
 
 @inner_njit(nogil=True)
@@ -280,6 +297,8 @@ def search(
             return poses[1:count].copy(), -1, boxes
         x, y, phi, h, w = box[0], box[1], box[2], box[3], box[4]
         if _is_near(poses, count, box, h, w, nearby, point):
+            continue
+        if box[8] > 0.0 and not _contracts(rows, outliers, box):
             continue
         j = _refuting(grid, tests, ends, box)
         if j >= 0:

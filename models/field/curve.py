@@ -45,6 +45,7 @@ class Curve(Wall):
             raise ArgumentError(
                 f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}"
             )
+        object.__setattr__(self, "coefficients", tuple(map(tuple, table.tolist())))  # lists cannot be hashed
         s = np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)
         speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.second_derivative(s)))
         if speed.min() <= change.max() * s[1]:  # it may vanish in between

@@ -43,6 +43,8 @@ class Polygon(Wall):
             raise ArgumentError(f"{self.name}: no rings; allowed: the outer one, and holes")
         for number, ring in enumerate(self.rings):
             self._check_ring(number, np.array(ring, dtype=np.float64))
+        rings = tuple(tuple((float(x), float(y)) for x, y in ring) for ring in self.rings)
+        object.__setattr__(self, "rings", rings)  # lists and arrays cannot be hashed
         if (count := sum(map(len, self._corners))) > MOST_CORNERS:
             raise ArgumentError(f"{self.name}: {count} corners; allowed: up to {MOST_CORNERS}")
         self._check_crossings()

@@ -165,10 +165,10 @@ LEAST_NOISE = 1e-4  # [m] least noise that an estimator assumes of a range, howe
 _SAME = 1e-9  # [rad]
 _DEVIATIONS, _OTHER_WALL = 8.0, 0.25  # of the noise, and share of the longest range by which a wall may be another
 
-MapDeviation = Annotated[
-    tuple[float, float], Condition(lambda each: min(each) >= 0.0, "0 or more"), FINITE_NUMBERS
+MapDeviation = Annotated[tuple[float, float], Condition(lambda each: min(each) >= 0.0, "0 or more"), FINITE_NUMBERS]
+SensorAngles = Annotated[
+    tuple[float, ...], Condition(lambda angles: len(angles) > 0, "one sensor or more"), FINITE_NUMBERS
 ]
-SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 
 
 @configuration
@@ -192,6 +192,7 @@ class RangingMission(UnicycleMotion):
     period: float = TICK  # [s] of sensors, estimator and tracker
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "angles", tuple(map(float, self.angles)))  # lists and arrays cannot be hashed
         turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
         turned.append(turned[0] + 2.0 * math.pi)
         if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:

@@ -9,9 +9,11 @@ import pytest
 
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.field.curve import Curve, ellipse
 from mathnavi.models.field.kernels import is_inside, range_gradient
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.field.wall import Ring
+from mathnavi.models.unicycle.mission import RangingMission
 
 from .walls import FURNISHED, pillars
 
@@ -135,6 +137,17 @@ def test_rotations_that_map_a_wall_onto_itself(rings: tuple[Ring, ...], symmetry
 def test_what_is_no_wall_is_refused_by_ring_and_place(rings: tuple[Ring, ...], said: str) -> None:
     with pytest.raises(ArgumentError, match=said):
         Polygon(rings, "hall")
+
+
+def test_walls_and_directions_may_be_lists_and_arrays() -> None:
+    """They are keys of what is computed once for a wall."""
+    rings = [[list(corner) for corner in L_SHAPE], np.array(HOLE)]
+    wall, curve = Polygon(rings, "hall"), ellipse(2.0, 1.0)  # type: ignore[arg-type]
+    same = Curve(np.array(curve.coefficients), curve.name)  # type: ignore[arg-type]
+    assert (wall, hash(wall)) == (Polygon((L_SHAPE, HOLE), "hall"), hash(Polygon((L_SHAPE, HOLE), "hall")))
+    assert (same, hash(same)) == (curve, hash(curve))
+    mission = RangingMission(wall, np.array([0.0, 1.0]))  # type: ignore[arg-type]
+    assert hash(mission) == hash(RangingMission(wall, (0.0, 1.0)))
 
 
 def test_a_hole_with_a_corner_beside_the_middle_of_its_longest_side_is_a_hole() -> None:

@@ -50,8 +50,8 @@ _NO_WALL = np.empty((0, 0))
 class BeaconCertificateConfig:
     """Ranges that a certificate uses, and its assumptions about them."""
 
-    readings: CountInMemory = 40
-    """number of ranges, the newest one included"""
+    readings: CountInMemory = 80
+    """number of ranges, the newest one included; with fewer than half as many there is no certificate"""
     spacing: Positive = 0.5
     """time between two ranges to the same beacon [s]"""
     probability: Probability = 1e-3
@@ -66,7 +66,7 @@ class BeaconCertificateConfig:
 class BeaconCertification(Certification):
     """Result of a certificate."""
 
-    bounds: Array  # (2,) [m, rad] within which of the estimate every pose is that explains the ranges, if certified
+    bounds: Array  # (2,) [m, rad] within which of the estimate every pose is that explains the ranges; NaN if not certified
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +101,8 @@ class BeaconCertificate:
     def note(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Note what was read until t [s]; ``command`` (2,) replaces odometry that there never was."""
         for stage in self._stages.add(t, measurements, command):
+            if any(bool((u[2:] > self._model.W).any()) for _, u in stage.inputs):
+                self.forget()  # it may have moved in any way while its odometry was missing
             self._since.extend(stage.inputs)
             for y in stage.readings:
                 for row in np.flatnonzero(np.isfinite(y)).tolist():
@@ -111,17 +113,18 @@ class BeaconCertificate:
                         self._since, self._last[i] = [], stage.t
 
     @property
-    def is_full(self) -> bool:
-        """True once there are ``readings`` ranges."""
-        return len(self._readings) == self._config.readings
+    def has_enough(self) -> bool:
+        """True once there are half as many ranges as a certificate uses at most."""
+        return 2 * len(self._readings) >= self._config.readings
 
     def forget(self) -> None:
         """Begin again with no ranges."""
         self._readings.clear()
+        self._since.clear()
 
     def check(self, estimate: Array, scale_error: float) -> BeaconCertification:
         """Certify an ``estimate`` (3,) [m, m, rad] of the pose now, with that of the scale error c of the ranges."""
-        motions, nowhere = self._motions(), np.full(2, math.inf)
+        motions, nowhere = self._motions(), np.full(2, np.nan)
         rays, rows, outliers, limit, scales = self._constraints(motions)
         if not len(rays):
             return BeaconCertification(False, np.empty((0, 3)), False, 0, nowhere)

@@ -36,6 +36,8 @@ class BeaconCertifiedConfig:
 
     every: Positive = 1.0
     """time between two certificates [s]"""
+    timeout: Positive = 5.0
+    """as that of beacon_bank [s]"""
     certificate: BeaconCertificateConfig = field(default_factory=BeaconCertificateConfig)
 
 
@@ -46,7 +48,8 @@ class BeaconCertified:
     figures = BeaconFilter.figures
 
     def __init__(self, config: BeaconCertifiedConfig, mission: BeaconMission) -> None:
-        self._bank, self._every = BeaconFilter(_BANK, mission), config.every
+        self._bank = BeaconFilter(BeaconBankConfig(timeout=config.timeout), mission)
+        self._every = config.every
         self.period = self._bank.period
         self._certificate = BeaconCertificate(config.certificate, mission)
         self._found: BeaconCertification | None = None
@@ -73,8 +76,8 @@ class BeaconCertified:
 
     @staticmethod
     def properties(config: BeaconCertifiedConfig) -> ObserverProperties:
-        """Properties (Table 2.1) of the estimator whose pose is certified."""
-        return BeaconFilter.properties(_BANK)
+        """Properties (Table 2.1): those of ``beacon_bank``, which has settled by the time it is certified."""
+        return dataclasses.replace(BeaconFilter.properties(_BANK), stays_on_truth=True)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] of ``beacon_bank`` at t [s]; ``command`` (2,) replaces odometry that there never
@@ -82,7 +85,7 @@ class BeaconCertified:
 
         In addition to its arrays ``extra`` has those of the last certificate: ``certified`` (1,), 1 or 0, NaN while
         there is none; ``others`` (8, 3), other poses that explained the ranges, as they were then; ``bounds`` (2,) [m,
-        rad] within which of the estimate every pose was that explained them, infinite if it was not certified.
+        rad] within which of the estimate every pose was that explained them, NaN if it was not certified.
         """
         estimate = self._bank.update(t, measurements, command)
         self._certificate.note(t, measurements, command)
@@ -91,11 +94,11 @@ class BeaconCertified:
             if estimate.status is Status.LOST:
                 self._located = False
                 self._certificate.forget()
-        elif t >= self._due and self._certificate.is_full:
+        elif t >= self._due and self._certificate.has_enough:
             self._found = self._certificate.check(estimate.x, float(estimate.extra["scales"][2]))
             self._located, self._due = self._located or self._found.certified, t + self._every
         found, others = self._found, np.full((MOST_OTHERS, 3), np.nan)
-        certified, bounds = math.nan, np.full(2, math.inf)
+        certified, bounds = math.nan, np.full(2, np.nan)
         if found is not None:
             certified, bounds = float(found.certified), found.bounds.copy()
             others[: len(found.others)] = found.others

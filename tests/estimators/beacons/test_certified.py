@@ -92,7 +92,7 @@ def test_every_pose_that_explains_the_ranges_is_within_the_published_bounds(outl
     found = certificate.check(estimate, 0.03)
     assert found.certified
     rng, middle = np.random.default_rng(1), certificate.at_middle(estimate)
-    poses = middle + rng.uniform(-1, 1, (60_000, 3)) * [1.2, 1.2, 0.9]
+    poses = middle + rng.uniform(-1, 1, (60_000, 3)) * [0.8, 0.8, 0.6]
     poses = poses[explained(certificate, poses, rng.uniform(-0.02, 0.08, len(poses)))]
     assert len(poses) > 20
     steps = np.array([certificate.at_now(pose) for pose in poses]) - estimate

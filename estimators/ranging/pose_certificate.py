@@ -34,7 +34,7 @@ _NODES = 400  # of the grid of distances, along the longer side of the room
 MOST_OTHERS = 8
 _MOST_BOXES = 20_000
 _SIZES = np.array([[0.25, math.pi / 16], [0.06, 0.06], [0.008, 0.008]])
-"""[m, rad] half-widths of the first boxes, those at which a pose is sought in one, and those at which it is undecided"""
+"""[m, rad] half-widths of the first boxes, those at which a pose is sought, and those at which a box is undecided"""
 _OBLIQUE = 3.0  # largest change of a range if its ray's end moves by 1, unless it nearly grazes the wall
 LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading has too little information
 _ALONG = (0.25, 0.5, 0.75)  # shares of a ray that have to be within the wall

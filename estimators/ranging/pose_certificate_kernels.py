@@ -16,8 +16,8 @@ test refutes is divided; the poses that are left are found by least squares and 
 
 Of a range y_j to a beacon at b_j the function is |q_j(x) - b_j| - s y_j in place of the wall's distance, q_j(x) being
 the place of the robot at that reading. It is 1-Lipschitz in q_j too; the scale s of all ranges is one more coordinate
-of a box, of half-width v, and adds y_j v to m_j. Errors of readings are then max(1, s + v) times as large. Each reading says an
-interval of s for a box of poses; scales that more of them contradict than may be outliers are taken off the box.
+of a box, of half-width v, and adds y_j v to m_j. Errors of readings are then max(1, s + v) times as large. Each reading
+says an interval of s for a box of poses; scales that more of them contradict than may be outliers are taken off it.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _off(grid: DistanceGrid, rows: Array, j: int, scale: float, x: float, y: flo
     """Value [m] of the function of row j at (x, y), zero where its reading is exact."""
     if rows.shape[1] > _WALL:
         dx, dy = x - rows[j, 6], y - rows[j, 7]
-        return math.sqrt(dx * dx + dy * dy) - scale * rows[j, 8]
+        return math.sqrt(dx * dx + dy * dy) - scale * float(rows[j, 8])
     return _distance(grid, x, y)
 
 
@@ -143,7 +143,7 @@ def _contracts(rows: Array, outliers: int, box: Array) -> bool:
     low = max(box[7] - box[8], np.sort(least)[len(rows) - 1 - outliers])
     high = min(box[7] + box[8], np.sort(most)[outliers])
     box[7], box[8] = 0.5 * (low + high), 0.5 * (high - low)
-    return low <= high
+    return bool(low <= high)
 
 
 @inner_njit(nogil=True)

@@ -33,9 +33,10 @@ from mathnavi.models.unicycle.mission import RangingMission
 _NODES = 400  # of the grid of distances, along the longer side of the room
 MOST_OTHERS = 8
 _MOST_BOXES = 20_000
-_SIZES = np.array([[0.06, 0.06], [0.008, 0.008]])  # [m, rad] at which a pose is sought in a box, and it is undecided
+_SIZES = np.array([[0.25, math.pi / 16], [0.06, 0.06], [0.008, 0.008]])
+"""[m, rad] half-widths of the first boxes, those at which a pose is sought, and those at which a box is undecided"""
 _OBLIQUE = 3.0  # largest change of a range if its ray's end moves by 1, unless it nearly grazes the wall
-_LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading has too little information
+LEAST_SPREAD = 0.2  # of 1 - kappa r: with more noise a reading has too little information
 _ALONG = (0.25, 0.5, 0.75)  # shares of a ray that have to be within the wall
 
 
@@ -66,13 +67,20 @@ class Certification:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sample:
+class Sample:
     """Ranges with the pose by dead reckoning at which they were read, and how much odometry there was before."""
 
     pose: Array  # (3,)
     ranges: Array  # (l,) [m]
     path: Array  # (2,) [m, rad] driven and turned, in absolute terms
     variance: Array  # (2,) [m^2, rad^2] of the sum of the odometry's noise
+
+    def drift(self, other: Sample, kappa: float, bias: float) -> tuple[float, float]:
+        """Error [m, rad] that the motion between this and another sample may have, with a relative ``bias``."""
+        driven, swept = np.abs(other.path - self.path)
+        noise = kappa * np.sqrt(np.abs(other.variance - self.variance))
+        drift_angle = float(noise[1] + 2.0 * bias * swept)
+        return float(noise[0] + 2.0 * bias * driven + drift_angle * driven), drift_angle
 
 
 class PoseCertificate:
@@ -82,7 +90,7 @@ class PoseCertificate:
         self._config, self._model = config, RangeModel(mission)
         self._grid = _grid(mission.curve)
         self._bias, self._outliers = mission.odometry.bias, mission.ranging.outliers
-        self._samples: list[_Sample] = []
+        self._samples: list[Sample] = []
         self._reckoned, self._path, self._variance = np.zeros(3), np.zeros(2), np.zeros(2)
         self._t = self._t_sample = -math.inf
 
@@ -94,7 +102,7 @@ class PoseCertificate:
             self._path = self._path + np.abs(u) * dt
             self._variance = self._variance + self._model.W * dt * dt
         self._t = t
-        sample = _Sample(self._reckoned, ranges.copy(), self._path, self._variance)
+        sample = Sample(self._reckoned, ranges.copy(), self._path, self._variance)
         if t - self._t_sample < self._config.spacing * (1.0 - 1e-9) and len(self._samples) > 1:
             self._samples[-1] = sample  # the newest one stays until it is old enough
             return
@@ -120,15 +128,15 @@ class PoseCertificate:
             (MOST_OTHERS, _MOST_BOXES),
         )  # fmt: skip
         alone = undecided == 0 and not len(found)
-        others = np.array([_composed(other, _relative(then, now)) for other in found]).reshape(-1, 3)
+        others = np.array([composed(other, relative(then, now)) for other in found]).reshape(-1, 3)
         return Certification(alone and bool(explains(wall, rays, outliers, limit, pose)), others, undecided == 0, boxes)
 
     def at_middle(self, pose: Array) -> Array:
         """Pose (3,) at the middle sample of a robot that is at ``pose`` (3,) now, by odometry."""
-        return _composed(np.asarray(pose, np.float64), _relative(self._samples[-1].pose, self._middle.pose))
+        return composed(np.asarray(pose, np.float64), relative(self._samples[-1].pose, self._middle.pose))
 
     @property
-    def _middle(self) -> _Sample:
+    def _middle(self) -> Sample:
         """The sample to whose pose the others are related: by it the motion in between is off the least."""
         return self._samples[len(self._samples) // 2]
 
@@ -140,19 +148,19 @@ class PoseCertificate:
         count = sum(int(np.isfinite(sample.ranges).sum()) for sample in samples)
         if not count:
             return np.empty((0, 7)), np.empty((0, 6)), 0, math.inf
-        outliers = _most(count, self._outliers, 0.5 * config.probability)
+        outliers = most_outliers(count, self._outliers, 0.5 * config.probability)
         kappa = -float(ndtri(0.25 * config.probability / (count + 4 * len(samples))))
         # A range of relative noise r is known from its reading y: it is y / (1 - kappa r) at most.
         spread = 1.0 - kappa * self._model.relative
-        if spread < _LEAST_SPREAD:
+        if spread < LEAST_SPREAD:
             return np.empty((0, 7)), np.empty((0, 6)), 0, math.inf
         limit = math.inf if outliers else float(chdtri(count, 0.5 * config.probability))
         rays: list[tuple[float, ...]] = []
         ends: list[tuple[float, ...]] = []
         within: list[tuple[float, ...]] = []
         for sample in reversed(samples):
-            x, y, turned = _relative(self._middle.pose, sample.pose)
-            drift, drift_angle = self._drift(sample, kappa)
+            x, y, turned = relative(self._middle.pose, sample.pose)
+            drift, drift_angle = sample.drift(self._middle, kappa, self._bias)
             within.append((x, y, math.hypot(x, y), 0.0, drift, 1.0))
             deviations = np.sqrt(self._model.range_variance(sample.ranges)) / spread
             for rho, alpha, sigma in zip(sample.ranges.tolist(), self._model.angles, deviations.tolist(), strict=True):
@@ -170,29 +178,22 @@ class PoseCertificate:
                     within.append((x + r * c, y + r * s, far, 0.0, drift + r * drift_angle, 1.0))
         return np.array(rays), np.array(ends + within), outliers, limit
 
-    def _drift(self, sample: _Sample, kappa: float) -> tuple[float, float]:
-        """Error [m, rad] that the motion between a sample and the middle one may have."""
-        driven, swept = np.abs(self._middle.path - sample.path)
-        noise = kappa * np.sqrt(np.abs(self._middle.variance - sample.variance))
-        drift_angle = float(noise[1] + 2.0 * self._bias * swept)
-        return float(noise[0] + 2.0 * self._bias * driven + drift_angle * driven), drift_angle
 
-
-def _relative(now: Array, then: Array) -> tuple[float, float, float]:
+def relative(now: Array, then: Array) -> tuple[float, float, float]:
     """Pose ``then`` (3,) in the axes of ``now`` (3,)."""
     c, s = math.cos(now[2]), math.sin(now[2])
     dx, dy = then[0] - now[0], then[1] - now[1]
     return float(c * dx + s * dy), float(c * dy - s * dx), float(then[2] - now[2])
 
 
-def _composed(pose: Array, step: tuple[float, float, float]) -> Array:
+def composed(pose: Array, step: tuple[float, float, float]) -> Array:
     """Pose (3,) that a step in the axes of ``pose`` (3,) leads to."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = pose[0] + c * step[0] - s * step[1], pose[1] + s * step[0] + c * step[1]
     return np.array([x, y, wrapped(float(pose[2]) + step[2])])
 
 
-def _most(count: int, fraction: float, probability: float) -> int:
+def most_outliers(count: int, fraction: float, probability: float) -> int:
     """Least number that the outliers among ``count`` readings exceed with at most this probability."""
     if fraction <= 0.0:
         return 0

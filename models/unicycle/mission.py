@@ -182,14 +182,14 @@ class RangingMission(UnicycleMotion):
     angles: SensorAngles  # (l,) [rad] alpha_i, counter-clockwise from the heading
     ranging: RangeQuality = field(default_factory=RangeQuality)
     odometry: OdometryQuality = field(default_factory=OdometryQuality)
-    map_deviation: MapDeviation = (0.0, 0.0)
-    """standard deviations of place [m], along either axis, and direction [rad] of the walls around the robot: common to
-    all ranges, so that no reading tells them, and part of the covariance of a pose"""
     start: KnownStart | None = None  # None: anywhere within the wall
     speed_max: float = 1.0  # [m/s]
     turn_rate_max: float = 2.0  # [rad/s]
     margin: float = 0.3  # [m] that the robot shall keep from the wall
     period: float = TICK  # [s] of sensors, estimator and tracker
+    map_deviation: MapDeviation = (0.0, 0.0)
+    """standard deviations of place [m], along either axis, and direction [rad] of the walls around the robot: common to
+    all ranges, so that no reading tells them, and part of the covariance of a pose"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", tuple(map(float, self.angles)))  # lists and arrays cannot be hashed

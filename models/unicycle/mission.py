@@ -31,7 +31,7 @@ from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.wall import Wall
-from mathnavi.models.unicycle.kernels import integrate, mounted, rays_at
+from mathnavi.models.unicycle.kernels import integrate, rays_at
 from mathnavi.models.unicycle.motion import UnicycleMotion
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 
@@ -254,7 +254,9 @@ class RangingMission(UnicycleMotion):
 
     def origins(self, pose: Array) -> Array:
         """Where the rays begin (l, 2) [m] at a pose (3,)."""
-        return np.array([np.add(pose[:2], mounted(ray, pose[2])) for ray in self.rays])
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        begin: Array = pose[:2] + self.rays[:, 1:] @ np.array([[c, s], [-s, c]])
+        return begin
 
     def ranges(self, pose: Array) -> Array:
         """Ranges (l,) [m] of ideal sensors at a pose (3,) [m, m, rad], NaN where a ray misses the wall."""

@@ -12,10 +12,11 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.interfaces.errors import FieldError, MissionError
+from mathnavi.interfaces.signals import Estimate, Status
 from mathnavi.models.unicycle.entity import build_model
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.plugin.registry import load
-from tests.estimators.integrity.test_ranging import ANGLES, NOISE, ODOMETRY, PERIOD, WALL, Drive, driven
+from tests.estimators.integrity.test_ranging import ANGLES, NOISE, ODOMETRY, PERIOD, WALL, Drive, driven, sure_and_wrong
 from tests.models.field.walls import FURNISHED
 
 LASER, APART = ((0.3, 0.0),), ((0.15, 0.1), (0.15, -0.1), (-0.1, 0.0))
@@ -28,28 +29,40 @@ def mission(mounting: Any, drive: Drive | None = None) -> RangingMission:
     return RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD, mounting=mounting)
 
 
-def error(name: str, true: Any, declared: Any) -> float:
-    """RMS of the position [m] over the second half of a drive, of sensors at ``true`` places."""
-    drive = driven(1)
+def followed(name: str, true: Any, declared: Any) -> tuple[list[Estimate], Drive]:
+    """Estimates of a drive whose ranges are those of sensors at ``true`` places; only the bank finds the start."""
+    drive = Drive(*(each[:SHORT] for each in driven(1)))
     kind: Any = load("estimators", name)
     estimator = kind.build(kind.Config(), mission(declared, None if name == "feasible_set_bank" else drive))
-    noise = drive.ranges - [WALL.ranges(pose, ANGLES)[0] for pose in drive.x]
-    squares = []
-    for k in range(SHORT):
-        t, u = PERIOD * (k + 1), drive.odometry[k]
-        ranges = mn.Measurement("ranges", t, mission(true).ranges(drive.x[k]) + noise[k])
-        found = estimator.update(t, (ranges, mn.Measurement("odometry", t, u)), u)
-        squares.append(np.square(found.x[:2] - drive.x[k, :2]).sum())
-    return math.sqrt(np.mean(squares[SHORT // 2 :]))
+    found, sensors = [], mission(true)
+    for k, (pose, u) in enumerate(zip(drive.x, drive.odometry, strict=True)):
+        t, noise = PERIOD * (k + 1), drive.ranges[k] - WALL.ranges(pose, ANGLES)[0]
+        ranges = mn.Measurement("ranges", t, sensors.ranges(pose) + noise)
+        found.append(estimator.update(t, (ranges, mn.Measurement("odometry", t, u)), u))
+    return found, drive
+
+
+def error(found: list[Estimate], drive: Drive) -> float:
+    """RMS of the position [m] over the second half."""
+    d = np.array([each.x[:2] for each in found]) - drive.x[:, :2]
+    return math.sqrt(2.0 * np.square(d[SHORT // 2 :]).mean())
 
 
 @pytest.mark.parametrize(
     "name", ["feasible_set_bank", "range_ekf", "range_iekf", "range_ukf", "range_particle", "moving_horizon"]
 )
 def test_a_pose_is_followed_as_well_with_sensors_that_are_elsewhere(name: str) -> None:
-    plain, ahead = error(name, (), ()), error(name, LASER, LASER)
-    assert ahead < 1.5 * plain + 0.005
-    assert error(name, APART, APART) < 1.5 * plain + 0.005
+    plain = error(*followed(name, (), ()))
+    assert error(*followed(name, LASER, LASER)) < 1.5 * plain + 0.005
+    assert error(*followed(name, APART, APART)) < 1.5 * plain + 0.005
+
+
+@pytest.mark.parametrize("name", ["feasible_set_bank", "range_ekf"])
+def test_a_laser_ahead_of_where_it_is_declared_is_noticed(name: str) -> None:
+    found, drive = followed(name, LASER, ())
+    assert error(found, drive) > 0.1
+    assert sure_and_wrong(found, drive) < 2.0
+    assert not any(each.status is Status.OK for each in found[SHORT // 2 :])
 
 
 def test_mujoco_reads_from_where_the_sensors_are() -> None:

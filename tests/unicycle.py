@@ -14,6 +14,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve, ellipse
 from mathnavi.models.unicycle.beacons import BeaconMission
 from mathnavi.models.unicycle.entity import FLOOR, DriveName, build_model
+from mathnavi.models.unicycle.kernels import rays_at
 from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission, wheel_rates
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 
@@ -43,7 +44,7 @@ def plant_of(
 
 @cache
 def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: float) -> Any:
-    return build_model(curve, angles, drive, friction)
+    return build_model(curve, rays_at(angles), drive, friction)
 
 
 @dataclass
@@ -62,7 +63,7 @@ class Imagined:
 
     def sensed(self, name: str) -> Array:
         if name.startswith("range_"):
-            rho, _ = self.mission.curve.ranges(self.x, self.mission.alpha)
+            rho = self.mission.ranges(self.x)
             i = int(name.removeprefix("range_"))
             return rho[i : i + 1]
         return self.wheels[["wheel_left", "wheel_right"].index(name), None]

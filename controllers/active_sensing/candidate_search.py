@@ -69,7 +69,7 @@ class ExpectedCovariance:
         absolute = float(np.hypot(mission.ranging.absolute, LEAST_NOISE))
         spacing = horizon / nodes
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)
-        self._sensors = RangeSensors(mission.alpha, np.array([mission.ranging.relative, absolute]))
+        self._sensors = RangeSensors(mission.rays, np.array([mission.ranging.relative, absolute]))
         self._horizon = PredictionHorizon(spacing, nodes, spacing / mission.period * (1.0 - mission.ranging.dropout))
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:
@@ -82,6 +82,7 @@ class SmallestSingularValue:
     """The mode ``singular-value``: the largest least singular value of O(x, u), greedy."""
 
     def __init__(self, mission: RangingMission) -> None:
+        mission.check_exact("the mode singular-value")
         self._wall, self._angles = WallTable(mission.curve.table, mission.curve.polyline), mission.alpha
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:

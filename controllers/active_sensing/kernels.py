@@ -29,7 +29,7 @@ from mathnavi.models.field.kernels import (
     wall_distance,
 )
 from mathnavi.models.field.polygon_kernels import is_polygonal
-from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, wrapped
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, mounted, sinc, wrapped
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
 _ROUNDING = 1e-9  # [m]
@@ -45,7 +45,7 @@ class WallTable(NamedTuple):
 class RangeSensors(NamedTuple):
     """Range sensors of a robot and their noise."""
 
-    angles: Array  # (l,) [rad] alpha, between the heading and each ray
+    rays: Array  # (l, 3) [rad, m, m] angle off the heading, and place in the robot's axes
     noise: Array  # (2,) standard deviation of a range: relative share, and absolute [m]
 
 
@@ -66,17 +66,18 @@ def expected_covariance(
     The input u (2,) [m/s, rad/s] is held for ``held`` nodes; then the robot rests.
     """
     coefficients, polyline = wall
-    angles, noise = sensors
+    rays, noise = sensors
     spacing, nodes, readings = horizon
     x, F, information = pose, np.eye(3), inverse(P)
     for j in range(nodes):
         u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
         step, _ = integrate_jacobians(x, u_1, u_2, spacing)
         F, x = step @ F, integrate(x, u_1, u_2, spacing)
-        for i in range(len(angles)):
-            beta = x[2] + angles[i]
-            rho, s = cast_ray(coefficients, polyline, x[0], x[1], beta)
+        for i in range(len(rays)):
+            beta, (m_1, m_2) = x[2] + rays[i, 0], mounted(rays[i], x[2])
+            rho, s = cast_ray(coefficients, polyline, x[0] + m_1, x[1] + m_2, beta)
             h_1, h_2, h_3 = range_gradient(coefficients, s, rho, beta)
+            h_3 += h_2 * m_1 - h_1 * m_2
             if math.isfinite(h_1 + h_2 + h_3):
                 row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
                 information += (readings / ((noise[0] * rho) ** 2 + noise[1] ** 2)) * np.outer(row, row)
@@ -226,7 +227,7 @@ def inverse(M: Array) -> Array:
 
 # Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
 WALL = named(WallTable, TWO_READ, TWO_READ)
-SENSORS = named(RangeSensors, ONE, ONE)
+SENSORS = named(RangeSensors, TWO, ONE)
 HORIZON = named(PredictionHorizon, float64, int64, float64)
 MOTION = (ONE, float64, float64, float64)  # pose, inputs and duration
 KERNELS: tuple[Signature, ...] = (

@@ -10,7 +10,7 @@ from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array
 
 _NUMBER, _WHOLE, _FLAGS = types.float64, array(1, types.int64), array(1, types.boolean)
-_FIXED = (TWO_READ, TWO_READ, ONE, ONE, _WHOLE, ONE)  # wall, angles, constants, lengths, thresholds
+_FIXED = (TWO_READ, TWO_READ, TWO, ONE, _WHOLE, ONE)  # wall, rays, constants, lengths, thresholds
 _KEPT = (TWO, TWO, TWO, THREE, ONE, ONE)  # sums, branches, repeats, responses, what has happened since, levels
 _FOUND = (types.int64, _NUMBER, _NUMBER, _NUMBER)  # k, kappa, sigma, slip
 _UPDATE = (ONE, TWO, ONE, TWO, _NUMBER, ONE, ONE, ONE, _FLAGS, types.boolean)  # estimates, dt, readings, rays

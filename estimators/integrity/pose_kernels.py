@@ -74,7 +74,7 @@ def no_repeats(rays: int) -> Array:
 def observe(
     coefficients: Array,
     polyline: Array,
-    angles: Array,
+    rays: Array,
     constants: Array,
     lengths: Integers,
     energy: Array,
@@ -112,9 +112,9 @@ def observe(
     repeated readings, and the ratios of dead reckoning: of the odometry where it is left out, else 0, over all windows
     and over those but the longest, the strict one, and that of a doubt.
     """
-    rays = len(angles)
+    count = len(rays)
     reckons = is_within(odometry, constants[FASTEST : TURNING + 1])
-    spared = not used[rays]
+    spared = not used[count]
     u = odometry if reckons else command
     slip = max(slip - GRIP, 0.0) * dt
     scale, one = constants[SCALE], np.zeros((1, _WIDTH))
@@ -128,13 +128,13 @@ def observe(
         for j in range(3):
             P_now[i, j] = one[0, _P + 3 * i + j] + scale * scale * one[0, _S + i] * one[0, _S + j]
     noise = sigma * constants[RELATIVE], sigma * constants[ABSOLUTE], constants[LONGEST]
-    e, white, expected, H = innovations((coefficients, polyline), angles, noise, x_now, P_now, rho, used)
+    e, white, expected, H = innovations((coefficients, polyline), rays, noise, x_now, P_now, rho, used)
     add(sums, k, e, white)
     most = _note_repeats(repeats, rho, expected)
     note_motion(since, one[0, 0] - x[0], one[0, 1] - x[1], one[0, 2], dt, e)
     if not is_possible(x_after, P_after):
         return math.inf, IMPOSSIBLE, -1, most, 0.0, 0.0, 0.0, 0.0
-    ratio, test, channel = worst_of(sums, k + 1, used[:rays], lengths, kappa, constants[Z], energy)
+    ratio, test, channel = worst_of(sums, k + 1, used[:count], lengths, kappa, constants[Z], energy)
     own = recent = strict = doubted = 0.0
     if reckons:
         dead, short, strict, doubted = reckoned(
@@ -149,8 +149,8 @@ def observe(
     else:
         branches[:, AGE] = -1.0
     if responds:
-        R, opened = np.empty(rays), np.empty((len(branches), 3, 3))
-        for i in range(rays):
+        R, opened = np.empty(count), np.empty((len(branches), 3, 3))
+        for i in range(count):
             R[i] = (noise[0] * expected[i]) ** 2 + noise[1] ** 2
         for n in range(len(branches)):
             for i in range(3):
@@ -232,7 +232,7 @@ def _spread(
 
 @njit(cache=True, nogil=True)
 def innovations(
-    wall: WallShape, angles: Array, noise: tuple[float, float, float], x: Array, P: Array, z: Array, used: Flags
+    wall: WallShape, rays: Array, noise: tuple[float, float, float], x: Array, P: Array, z: Array, used: Flags
 ) -> tuple[Array, Array, Array, Array]:
     """e (l,), w (l,), the expected ranges (l,) and H (l, 3) of readings z (l,) from the prediction x (3,), P (3, 3).
 
@@ -244,11 +244,11 @@ def innovations(
     H, PH, D, nu, r = np.empty((n, 3)), np.empty((n, 3)), np.empty(3), np.empty(n), np.empty(n)
     L, rows, count = np.zeros((n, n)), np.empty(n, np.int64), 0
     for i in range(n):
-        h, B, C = expected_range(wall, x[0], x[1], x[2] + angles[i], H[i], D)
+        h, B, C, E = expected_range(wall, x, rays[i], H[i], D)
         expected[i] = h
         if math.isnan(h) or not 0.0 < z[i] < noise[2]:
             continue
-        nu[i], r[i] = z[i] - h, (noise[0] * h) ** 2 + noise[1] ** 2 + 0.5 * square_trace(P, D, h, B, C, H[i])
+        nu[i], r[i] = z[i] - h, (noise[0] * h) ** 2 + noise[1] ** 2 + 0.5 * square_trace(P, D, E, B, C, H[i])
         for j in range(3):
             PH[i, j] = P[j, 0] * H[i, 0] + P[j, 1] * H[i, 1] + P[j, 2] * H[i, 2]
         e[i] = nu[i] / math.sqrt(H[i, 0] * PH[i, 0] + H[i, 1] * PH[i, 1] + H[i, 2] * PH[i, 2] + r[i])

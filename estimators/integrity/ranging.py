@@ -72,7 +72,7 @@ class PoseWitness:
         )
         """errors for the kernels; see ``pose_kernels``"""
         self._soft_square = _SOFT_SQUARE / float(thresholds.energy[3])
-        self._fixed = *model.wall, model.angles, self.constants, thresholds.lengths, thresholds.energy
+        self._fixed = *model.wall, model.rays, self.constants, thresholds.lengths, thresholds.energy
         between = max(1, round(_BRANCHED / mission.period))
         self._responds = max(1, round(between / 3))
         self._every = self._responds * round(between / self._responds)

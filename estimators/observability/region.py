@@ -58,7 +58,7 @@ def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: 
             truth[k] = mission.flow(truth[k - 1], commands[k], mission.period)
         if not mission.curve.contains(truth[k, :2]):
             raise ArgumentError(f"start = {np.asarray(start).tolist()}: the run leaves the field at {t[k]:.2f} s")
-        ranges = Measurement("ranges", t[k], mission.curve.ranges(truth[k], mission.alpha)[0])
+        ranges = Measurement("ranges", t[k], mission.ranges(truth[k]))
         readings.append((ranges, Measurement("odometry", t[k], commands[k])) if k else (ranges,))
     return ExactRun(mission, t, truth, tuple(readings), commands)
 

@@ -80,7 +80,7 @@ def misread(mission: RangingMission, t: Array, ranges: Array, odometry: Array) -
     if not windows:
         return ""
     noise = max(LEAST_NOISE, math.hypot(mission.ranging.absolute, mission.ranging.relative * _size(mission.curve)))
-    search = _Search(mission.curve, mission.alpha)
+    search = _Search(mission)
     as_is = yield from search.unexplained(windows, _Way())
     if as_is <= _NOISE * noise:
         return ""
@@ -89,7 +89,7 @@ def misread(mission: RangingMission, t: Array, ranges: Array, odometry: Array) -
         left.append((yield from search.unexplained(windows, way)) / way.factors[2])  # as a share of the ranges
     best = int(np.argmin(left))
     if as_is > _WORSE * left[best]:
-        as_is = yield from _Search(mission.curve, mission.alpha, _THOROUGH).unexplained(windows, _Way())
+        as_is = yield from _Search(mission, _THOROUGH).unexplained(windows, _Way())
     if as_is <= max(_WORSE * left[best], _NOISE * noise):
         return ""
     return fit_only("ranges and odometry", "the wall", _WAYS[best].parts)
@@ -136,20 +136,20 @@ def _windows(t: Array, ranges: Array, odometry: Array) -> Iterator[_Window]:
 class _Search:
     """Search of the pose at the start of a window."""
 
-    curve: Wall
-    angles: Array  # (l,) [rad]
+    mission: RangingMission
     denser: int = 1
     starts: Array = field(init=False)  # (s, 3)
     expected: Array = field(init=False)  # (s, l) [m] ranges from them
 
     def __post_init__(self) -> None:
-        corners, count = self.curve.polyline, _PLACES * self.denser
+        curve, count = self.mission.curve, _PLACES * self.denser
         axes = [
-            np.linspace(low, high, count + 2)[1:-1] for low, high in zip(corners.min(0), corners.max(0), strict=True)
+            np.linspace(low, high, count + 2)[1:-1]
+            for low, high in zip(curve.polyline.min(0), curve.polyline.max(0), strict=True)
         ]
-        places = [(x, y) for x in axes[0] for y in axes[1] if self.curve.contains(np.array([x, y]))]
+        places = [(x, y) for x in axes[0] for y in axes[1] if curve.contains(np.array([x, y]))]
         if not places:
-            places.append((self.curve.centre[0], self.curve.centre[1]))
+            places.append((curve.centre[0], curve.centre[1]))
         turns = np.linspace(0.0, 2.0 * math.pi, _HEADINGS * self.denser, endpoint=False)
         starts = np.array([(x, y, phi) for x, y in places for phi in turns])
         object.__setattr__(self, "starts", starts)
@@ -193,8 +193,8 @@ class _Search:
 
     def _rays(self, poses: Array) -> Array:
         """Ranges (m, l) [m] from poses (m, 3); beyond the wall as far as the wall is large."""
-        rays = np.array([self.curve.ranges(pose, self.angles)[0] for pose in poses])
-        return np.where(np.isfinite(rays), rays, _size(self.curve))
+        rays = np.array([self.mission.ranges(pose) for pose in poses])
+        return np.where(np.isfinite(rays), rays, _size(self.mission.curve))
 
 
 def _rest(errors: Array) -> Array:

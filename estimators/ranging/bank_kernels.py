@@ -177,7 +177,7 @@ def condition_each(
     if polygonal:
         sigma = max(sigma, 1.0)  # what the map is wrong by changes slowly, and does not show in the noise
     true = RaySensors(
-        sensors.angles, sigma * sensors.relative, sigma * sensors.absolute, sensors.gate, epsilon, sensors.longest
+        sensors.rays, sigma * sensors.relative, sigma * sensors.absolute, sensors.gate, epsilon, sensors.longest
     )
     nis_of, rays_of = np.zeros(len(score)), np.zeros(len(score), np.int64)
     for k in range(len(score)):
@@ -342,15 +342,15 @@ def square_apart(x: Array, best: Array, P: Array, symmetry: Symmetry) -> float:
 # Kernels that are compiled before a run (``sim.engine.compilation``), for arguments of these types.
 WALL = combined(TWO_READ, TWO_READ)
 HYPOTHESES = named(Hypotheses, TWO, THREE, ONE, ONE, ONE, TWO, THREE, array(2, types.int64), TWO)
-SENSORS = named(RaySensors, ONE, types.float64, types.float64, types.float64, types.float64, types.float64)
+SENSORS = named(RaySensors, TWO, types.float64, types.float64, types.float64, types.float64, types.float64)
 SUMS = named(NoiseSums, ONE, ONE)
 SYMMETRY = combined(types.int64, types.float64, types.float64)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
 INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64), TWO, ONE)
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
-    (project, (TWO, ONE, ONE, WALL, ONE, types.int64, types.float64)),
-    (expected_ranges, (WALL, ONE, ONE)),
+    (project, (TWO, ONE, ONE, WALL, TWO, types.int64, types.float64)),
+    (expected_ranges, (WALL, ONE, TWO)),
     (predict_each, (HYPOTHESES, ONE, ONE, WALL, types.float64, ONE)),
     (move, (ONE, ONE, WALL, types.float64)),
     (covariance_of, (HYPOTHESES, types.int64)),

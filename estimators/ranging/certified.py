@@ -53,7 +53,7 @@ class RangeCertified:
     @staticmethod
     def build(config: RangeCertifiedConfig, mission: RangingMission) -> RangeCertified:
         """Build the estimator of one run. Raises MissionError for a map that may be off."""
-        mission.check_map("range_certified")
+        mission.check_exact("range_certified")
         return RangeCertified(config, mission)
 
     @staticmethod

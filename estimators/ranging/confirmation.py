@@ -123,7 +123,7 @@ class Confirmation:
         read = np.isfinite(ranges).sum(axis=1)
         newest = int(np.flatnonzero(read == read.max())[-1])  # of those with most rays
         y, left = ranges[newest], way.inputs[newest + 1 :]
-        states, far = project(self._candidates, y, model.range_variance(y), wall, model.angles, _PROJECTIONS, math.inf)
+        states, far = project(self._candidates, y, model.range_variance(y), wall, model.rays, _PROJECTIONS, math.inf)
         states = states[np.isfinite(far)]
         if not len(states):
             return _NONE

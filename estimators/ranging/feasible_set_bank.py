@@ -339,7 +339,7 @@ class FeasibleSetBank:
         middles, middle = ages @ read / often, float(ages @ read.sum(axis=1)) / float(read.sum())
         speed = float(np.abs(inputs[:, 0]).max()) + y * float(np.abs(inputs[:, 1]).max())
         v += np.square(speed * self._step(calls) * (middles - middle))
-        states, far = project(self._candidates, y, v, wall, model.angles, config.projections, self._most)
+        states, far = project(self._candidates, y, v, wall, model.rays, config.projections, self._most)
         near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
         states, far = states[far <= near_enough], far[far <= near_enough]
         chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)

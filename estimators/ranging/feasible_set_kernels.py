@@ -25,13 +25,13 @@ _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 
 @njit(cache=True, nogil=True)
 def project(
-    states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int, gate: float
+    states: Array, y: Array, v: Array, wall: WallShape, rays: Array, steps: int, gate: float
 ) -> tuple[Array, Array]:
     """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
     Returns the states (m, 4) and their squared distances from FS_y then, sum_i min((y_i - h_i)^2 / v_i, gate) (m,): an
-    outlier counts as the ``gate``. y (l,) [m] is NaN where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. The
-    distance is infinite for a pose with a ray without information.
+    outlier counts as the ``gate``. y (l,) [m] is NaN where a ray was lost, v (l,) [m^2], ``rays`` (l, 3) [rad, m, m].
+    The distance is infinite for a pose with a ray without information.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
@@ -43,7 +43,7 @@ def project(
             for i in range(len(y)):
                 if math.isnan(y[i]):
                     continue
-                h, _, _ = expected_range(wall, x[0], x[1], x[2] + angles[i], H, D)
+                h, _, _, _ = expected_range(wall, x, rays[i], H, D)
                 if math.isnan(h):
                     far[m] = math.inf
                     break

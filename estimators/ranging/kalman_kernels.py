@@ -36,7 +36,7 @@ import numpy as np
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
-from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, mounted, wrapped
 
 GRAZING = 1e-3
 """sine of the angle between a ray and the wall below which it has no information"""
@@ -47,7 +47,7 @@ _MOST_UNLIKELY = 50.0  # logarithm of the odds of an outlier beyond which it is 
 class RaySensors(NamedTuple):
     """Range sensors of a robot and their errors."""
 
-    angles: Array  # (l,) [rad] off the heading
+    rays: Array  # (l, 3) [rad, m, m] angle off the heading, and place in the robot's axes
     relative: float  # standard deviation of a range over its length
     absolute: float  # further standard deviation of a range, independent of its length [m]
     gate: float  # nu^2 / s that no reading exceeds in NIS
@@ -138,37 +138,42 @@ def predict(x: Array, P: Array, u: Array, W: Array, wall: WallShape, dt: float) 
 
 
 @njit(cache=True, nogil=True)
-def expected_range(
-    wall: WallShape, x_1: float, x_2: float, beta: float, H: Array, D: Array
-) -> tuple[float, float, float]:
-    """h [m] of the ray from (x_1, x_2) along ``beta`` [rad] and its derivatives; NaN if it has no information.
+def expected_range(wall: WallShape, x: Array, ray: Array, H: Array, D: Array) -> tuple[float, float, float, float]:
+    """h [m] of a ``ray`` (3,) [rad, m, m] from a pose x (3,) and its derivatives; NaN if it has no information.
 
-    With a = (x_1, x_2, phi), writes H (3,) = dh/da and D (3,) = ds/da, s being the parameter of the wall where the ray
-    ends, and returns h, B, C of the second derivative h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'. From (C.4),
+    With a = (q_1, q_2, phi), q being where the ray begins and s the parameter of the wall where it ends, (C.4) gives
 
-        da_{1,2} + dh e + h e_perp dphi = theta' ds,   and its derivative,   each multiplied by e_perp or by the normal.
+        dq + dh e + h e_perp dphi = theta' ds,   and its derivative,   each multiplied by e_perp or by the normal,
+
+    and q = (x_1, x_2) + R_phi m of a sensor at m, dq = dx_{1,2} + (R_phi m)_perp dphi. Writes H (3,) = dh/dx and D (3,)
+    = ds/dx, and returns h, B, C, E of the second derivative h'' = C D D' - B (H e_3' + e_3 H') + E e_3 e_3'; E is h
+    less H_{1,2} R_phi m.
     """
     coefficients, polyline = wall
-    h, s = cast_ray(coefficients, polyline, x_1, x_2, beta)
+    m_1, m_2 = mounted(ray, x[2])
+    beta = x[2] + ray[0]
+    h, s = cast_ray(coefficients, polyline, x[0] + m_1, x[1] + m_2, beta)
     if math.isnan(h):
-        return math.nan, 0.0, 0.0
+        return math.nan, 0.0, 0.0, 0.0
     t_x, t_y = curve_tangent(coefficients, s)
     e_x, e_y = math.cos(beta), math.sin(beta)
     across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y  # theta' in the axes of the ray
     if across * across < GRAZING**2 * (across * across + along * along):
-        return math.nan, 0.0, 0.0
+        return math.nan, 0.0, 0.0, 0.0
     H[0], H[1], H[2] = -t_y / across, t_x / across, h * along / across
     D[0], D[1], D[2] = -e_y / across, e_x / across, h / across
+    H[2] += H[1] * m_1 - H[0] * m_2
+    D[2] += D[1] * m_1 - D[0] * m_2
     b_x, b_y = curve_second_derivative(coefficients, s)
-    return h, -along / across, (t_y * b_x - t_x * b_y) / across
+    return h, -along / across, (t_y * b_x - t_x * b_y) / across, h - H[0] * m_1 - H[1] * m_2
 
 
 @njit(cache=True, nogil=True)
-def expected_ranges(wall: WallShape, pose: Array, angles: Array) -> tuple[Array, Array]:
-    """Ranges h (l,) [m] of rays from a pose (3,) and their derivatives H (l, 3); NaN for a ray without information."""
-    h, H, D = np.empty(len(angles)), np.full((len(angles), 3), np.nan), np.empty(3)
-    for i in range(len(angles)):
-        h[i], _, _ = expected_range(wall, pose[0], pose[1], pose[2] + angles[i], H[i], D)
+def expected_ranges(wall: WallShape, pose: Array, rays: Array) -> tuple[Array, Array]:
+    """Ranges h (l,) [m] of ``rays`` (l, 3) from a pose (3,) and derivatives H (l, 3); NaN without information."""
+    h, H, D = np.empty(len(rays)), np.full((len(rays), 3), np.nan), np.empty(3)
+    for i in range(len(rays)):
+        h[i], _, _, _ = expected_range(wall, pose, rays[i], H[i], D)
     return h, H
 
 
@@ -181,8 +186,7 @@ def condition(
     A step that would lead out of the wall is cut short. Returns the logarithm of the likelihood, NIS and the number of
     rays that read something.
     """
-    angles, relative, absolute, gate, outliers, longest = sensors
-    x_1, x_2, phi = x[0], x[1], x[2]
+    rays, relative, absolute, gate, outliers, longest = sensors
     predicted = P[:3, :3].copy()
     dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
     likelihood, nis, read = 0.0, 0.0, 0
@@ -191,14 +195,14 @@ def condition(
         innovations.residual[i] = innovations.variance[i] = innovations.white[i] = innovations.share[i] = math.nan
         if not z[i] > 0.0:
             continue
-        h, B, C = expected_range(wall, x_1, x_2, phi + angles[i], H, D)
+        h, B, C, E = expected_range(wall, x, rays[i], H, D)
         if math.isnan(h):
             continue
         for j in range(4):
             PH[j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
         r = (relative * h) ** 2 + absolute**2
-        s = HPH + r + 0.5 * square_trace(predicted, D, h, B, C, H)
+        s = HPH + r + 0.5 * square_trace(predicted, D, E, B, C, H)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
         square = nu * nu / s
         read += 1
@@ -220,7 +224,7 @@ def condition(
             dx[j] += beta * PH[j] * nu / s
             for k in range(4):
                 P[j, k] -= gain * PH[j] * PH[k]
-    step = step_within(wall, x_1, x_2, dx[0], dx[1])
+    step = step_within(wall, x[0], x[1], dx[0], dx[1])
     for j in range(4):
         x[j] += step * dx[j]
     x[2] = wrapped(x[2])
@@ -228,8 +232,8 @@ def condition(
 
 
 @njit(cache=True, nogil=True)
-def square_trace(P: Array, D: Array, h: float, B: float, C: float, H: Array) -> float:
-    """tr(h'' P h'' P) with h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'."""
+def square_trace(P: Array, D: Array, E: float, B: float, C: float, H: Array) -> float:
+    """tr(h'' P h'' P) with h'' = C D D' - B (H e_3' + e_3 H') + E e_3 e_3'."""
     p_0 = P[0, 0] * H[0] + P[0, 1] * H[1] + P[0, 2] * H[2]
     p_1 = P[1, 0] * H[0] + P[1, 1] * H[1] + P[1, 2] * H[2]
     HPe = P[2, 0] * H[0] + P[2, 1] * H[1] + P[2, 2] * H[2]
@@ -240,6 +244,6 @@ def square_trace(P: Array, D: Array, h: float, B: float, C: float, H: Array) -> 
     DPD = D[0] * q_0 + D[1] * q_1 + D[2] * DPe
     DPH = H[0] * q_0 + H[1] * q_1 + H[2] * DPe
     ePe = P[2, 2]
-    trace: float = (C * DPD) ** 2 + (h * ePe) ** 2 + 2.0 * B * B * (HPe * HPe + HPH * ePe)
-    trace += 2.0 * C * h * DPe * DPe - 4.0 * B * (C * DPH * DPe + h * ePe * HPe)
+    trace: float = (C * DPD) ** 2 + (E * ePe) ** 2 + 2.0 * B * B * (HPe * HPe + HPH * ePe)
+    trace += 2.0 * C * E * DPe * DPe - 4.0 * B * (C * DPH * DPe + E * ePe * HPe)
     return trace

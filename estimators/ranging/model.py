@@ -36,7 +36,7 @@ class RangeModel:
     def __init__(self, mission: RangingMission) -> None:
         ranging, odometry = mission.ranging, mission.odometry
         self.wall = mission.curve.wall
-        self.angles = mission.alpha  # (l,) [rad]
+        self.angles, self.rays = mission.alpha, mission.rays  # (l,) [rad]; (l, 3) with the places of the sensors
         self.relative = ranging.relative
         self.absolute = math.hypot(ranging.absolute, LEAST_NOISE)  # [m]
         self.outliers = ranging.outliers
@@ -57,7 +57,7 @@ class RangeModel:
 
     def sensors(self, gate: float) -> RaySensors:
         """The range sensors for compiled code, with the ``gate`` nu^2 / s above which a reading is an outlier."""
-        return RaySensors(self.angles, self.relative, self.absolute, gate, self.outliers, self.longest)
+        return RaySensors(self.rays, self.relative, self.absolute, gate, self.outliers, self.longest)
 
     def covariance(self, deviation: tuple[float, float, float]) -> Array:
         """Covariance (4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""

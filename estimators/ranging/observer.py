@@ -234,7 +234,7 @@ class RangeObserver:
         Raises FieldError for a ``z_0`` whose length does not fit the mission's sensors, MissionError for a polygon or a
         map that may be off.
         """
-        mission.check_map("range_observer")
+        mission.check_exact("range_observer")
         return RangeObserver(config, mission)
 
     @staticmethod

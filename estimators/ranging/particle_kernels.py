@@ -27,7 +27,7 @@ from mathnavi.estimators.ranging.particle_clusters import Cells, Clusters, diffe
 from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.field.kernels import WallShape, cast_ray, is_inside
-from mathnavi.models.unicycle.kernels import integrate, wrapped
+from mathnavi.models.unicycle.kernels import integrate, mounted, wrapped
 
 _SCALE_TIME = 3.0  # [s] correlation time of b: if all particles had the same b, none could find another
 _LEAST_EFFECTIVE = 0.1  # n_eff over n after one update
@@ -62,7 +62,7 @@ def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) ->
     Returns n_eff and the mean likelihood of the particles per range: the geometric mean over the ranges that were read,
     so that lost ones make no difference; NaN if none was read.
     """
-    angles, relative, absolute, _, outliers, longest = sensors
+    rays, relative, absolute, _, outliers, longest = sensors
     coefficients, polyline = wall
     log, read = np.zeros(len(x)), 0
     for i in range(len(z)):
@@ -70,7 +70,8 @@ def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) ->
             continue
         read += 1
         for n in range(len(x)):
-            h, _ = cast_ray(coefficients, polyline, x[n, 0], x[n, 1], x[n, 2] + angles[i])
+            m_1, m_2 = mounted(rays[i], x[n, 2])
+            h, _ = cast_ray(coefficients, polyline, x[n, 0] + m_1, x[n, 1] + m_2, x[n, 2] + rays[i, 0])
             p = outliers / longest
             if not math.isnan(h):
                 r = (relative * h) ** 2 + absolute**2

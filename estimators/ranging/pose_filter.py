@@ -154,7 +154,7 @@ class RangeEkf(PoseFilter):
 
     def _condition(self, rho: Array) -> Array:
         x, model = self._filter.x.copy(), self._model
-        h, H = expected_ranges(model.wall, x[:3], model.angles)
+        h, H = expected_ranges(model.wall, x[:3], model.rays)
         H = np.column_stack((H, np.zeros(len(h))))
         variance = model.range_variance(h)
         good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance))
@@ -193,7 +193,7 @@ class RangeIekf(PoseFilter):
 
     def _condition(self, rho: Array) -> Array:
         x, model = self._x, self._model
-        h, slope = expected_ranges(model.wall, x[:3], model.angles)
+        h, slope = expected_ranges(model.wall, x[:3], model.rays)
         H = np.column_stack((slope @ _axes(x)[:3, :3], np.zeros(len(h))))
         variance = model.range_variance(h)
         good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._P, H) + variance))

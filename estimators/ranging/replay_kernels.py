@@ -81,13 +81,13 @@ def replay(x: Array, way: Way, wall: WallShape, sensors: RaySensors, reckoning: 
         if not (ranges[k] > 0.0).any():
             continue
         inside = is_inside(coefficients, polyline, poses[k, 0], poses[k, 1])
-        for i in range(len(sensors.angles)):
+        for i in range(len(sensors.rays)):
             if not ranges[k, i] > 0.0:
                 continue
             if not inside:
                 rays, beyond = rays + 1, beyond + 1
                 continue
-            h, _, _ = expected_range(wall, poses[k, 0], poses[k, 1], poses[k, 2] + sensors.angles[i], H, D)
+            h, _, _, _ = expected_range(wall, poses[k], sensors.rays[i], H, D)
             if math.isnan(h):
                 continue
             rays += 1
@@ -120,7 +120,7 @@ def refit(states: Array, way: Way, wall: WallShape, sensors: RaySensors, reckoni
     (m, 3, 3) of the poses.
     """
     far, covariances = np.full(len(states), np.inf), np.zeros((len(states), 3, 3))
-    ungated = RaySensors(sensors.angles, sensors.relative, sensors.absolute, np.inf, sensors.outliers, sensors.longest)
+    ungated = RaySensors(sensors.rays, sensors.relative, sensors.absolute, np.inf, sensors.outliers, sensors.longest)
     for m in range(len(states)):
         x, ended = states[m], False
         for _ in range(_STEPS):

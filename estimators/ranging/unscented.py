@@ -136,7 +136,7 @@ class RangeUkf:
     def _read(self, sigma: Array) -> Array:
         """Ranges (l,) [m] from a sigma point (4,)."""
         pose = self._kept_within(self._filter.x, sigma)[:3]
-        h, _ = expected_ranges(self._model.wall, pose, self._model.angles)
+        h, _ = expected_ranges(self._model.wall, pose, self._model.rays)
         return h
 
     def _kept_within(self, inner: Array, x: Array) -> Array:

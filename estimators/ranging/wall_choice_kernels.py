@@ -44,7 +44,7 @@ from mathnavi.estimators.ranging.kalman_kernels import (
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import WallShape, cast_ray, curve_tangent
-from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.models.unicycle.kernels import mounted, wrapped
 
 NODES = np.array([0.0, -1.355626179974266, 1.355626179974266, -2.856970013872806, 2.856970013872806])
 """x_j [standard deviations] of the Gauss-Hermite rule of five points"""
@@ -57,20 +57,21 @@ _FITS = 3.0  # deviations that a range is off from a pose that explains it
 
 @njit(cache=True, nogil=True)
 def walls_met(
-    wall: WallShape, x: Array, P: Array, angle: float, relative: float, absolute: float, lines: Array, weights: Array
+    wall: WallShape, x: Array, P: Array, ray: Array, relative: float, absolute: float, lines: Array, weights: Array
 ) -> int:
-    """Write the lines on which a ray at ``angle`` [rad] off the heading of x (4,), of covariance P (4, 4), may end.
+    """Write the lines on which a ``ray`` (3,) from x (4,), of covariance P (4, 4), may end.
 
-    ``lines`` (5, 4) gets h [m] and H (3,) of each of them at x, ``weights`` (5,) the probability of each. Returns their
-    number, 0 where the ray has no information.
+    ``lines`` (5, 6) gets h [m], H (3,), B and E (``expected_range``) of each of them at x, ``weights`` (5,) the
+    probability of each. Returns their number, 0 where the ray has no information.
     """
     coefficients, polyline = wall
-    beta = x[2] + angle
+    beta, (m_1, m_2) = x[2] + ray[0], mounted(ray, x[2])
+    q_1, q_2 = x[0] + m_1, x[1] + m_2
     e_x, e_y = math.cos(beta), math.sin(beta)
-    h, s = cast_ray(coefficients, polyline, x[0], x[1], beta)
+    h, s = cast_ray(coefficients, polyline, q_1, q_2, beta)
     if math.isnan(h):
         return 0
-    a = np.array([-e_y, e_x, h])
+    a = np.array([-e_y, e_x, h + e_x * m_1 + e_y * m_2])
     Pa = np.empty(3)
     for j in range(3):
         Pa[j] = P[j, 0] * a[0] + P[j, 1] * a[1] + P[j, 2] * a[2]
@@ -84,7 +85,8 @@ def walls_met(
             # What the edge is off by moves the ray like a step to the side.
             d = NODES[n] * deviation / variance
             _, s = cast_ray(
-                coefficients, polyline, x[0] + d * (Pa[0] + edge * a[0]), x[1] + d * (Pa[1] + edge * a[1]),
+                coefficients, polyline, q_1 + d * (Pa[0] - m_2 * Pa[2] + edge * a[0]),
+                q_2 + d * (Pa[1] + m_1 * Pa[2] + edge * a[1]),
                 beta + d * Pa[2],
             )  # fmt: skip
             if math.isnan(s):
@@ -101,12 +103,15 @@ def walls_met(
         across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y
         if across * across < GRAZING**2 * (across * across + along * along):
             continue
-        c_x, c_y = coefficients[1 + k, 0] - x[0], coefficients[1 + k, 1] - x[1]
+        c_x, c_y = coefficients[1 + k, 0] - q_1, coefficients[1 + k, 1] - q_2
         length = (c_x * t_y - c_y * t_x) / across
         if not length > 0.0:
             continue
         lines[count, 0] = length
         lines[count, 1], lines[count, 2], lines[count, 3] = -t_y / across, t_x / across, length * along / across
+        lines[count, 4] = -lines[count, 3] / length
+        lines[count, 5] = length - lines[count, 1] * m_1 - lines[count, 2] * m_2
+        lines[count, 3] += lines[count, 2] * m_1 - lines[count, 1] * m_2
         met[count], weights[count] = k, WEIGHTS[n]
         total += WEIGHTS[n]
         count += 1
@@ -123,9 +128,9 @@ def condition_among_walls(
 
     Innovations and NIS are those of the line on which a ray most likely ended.
     """
-    angles, relative, absolute, gate = sensors.angles, sensors.relative, sensors.absolute, sensors.gate
+    rays, relative, absolute, gate = sensors.rays, sensors.relative, sensors.absolute, sensors.gate
     likelihood, nis, read = 0.0, 0.0, 0
-    lines, weights, taken = np.empty((len(NODES), 4)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
+    lines, weights, taken = np.empty((len(NODES), 6)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
     prior, before, at, Q, moved = P.copy(), x.copy(), x.copy(), P.copy(), np.zeros(4)
     for _ in range(PASSES):
         likelihood, nis, read = 0.0, 0.0, 0
@@ -142,7 +147,7 @@ def condition_among_walls(
             for i in range(len(z)):
                 if taken[i] or not z[i] > 0.0:
                     continue
-                count = walls_met(wall, at, Q, angles[i], relative, absolute, lines, weights)
+                count = walls_met(wall, at, Q, rays[i], relative, absolute, lines, weights)
                 if count == 0 or (count > 1 and not is_last):
                     continue
                 taken[i] = True
@@ -179,7 +184,7 @@ def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors,
     for i in range(len(z)):
         if not z[i] > 0.0:
             continue
-        h, _, _ = expected_range(wall, x[0], x[1], x[2] + sensors.angles[i], H, D)
+        h, _, _, _ = expected_range(wall, x, sensors.rays[i], H, D)
         if math.isnan(h):
             continue
         noise = (sensors.relative * h) ** 2 + sensors.absolute**2
@@ -197,7 +202,7 @@ def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors,
 def _condition_on_one(
     moved: Array, P: Array, z: float, Q: Array, sensors: RaySensors, lines: Array, weights: Array
 ) -> tuple[float, float, float, float, float]:
-    """Condition x (4,) and P (4, 4), in place, on a range z [m] of a ray that ends on one of the lines (m, 4).
+    """Condition x (4,) and P (4, 4), in place, on a range z [m] of a ray that ends on one of the lines (m, 6).
 
     Returns the logarithm of the likelihood, nu [m], s and r [m^2] of the most likely line, and the probability that the
     range is no outlier.
@@ -207,12 +212,12 @@ def _condition_on_one(
     K = np.empty((count, 4))
     flat = np.zeros(3)
     for k in range(count):
-        h, H = lines[k, 0], lines[k, 1:]
+        h, H = lines[k, 0], lines[k, 1:4]
         for j in range(4):
             K[k, j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
         r[k] = (sensors.relative * h) ** 2 + sensors.absolute**2
         s[k] = H[0] * K[k, 0] + H[1] * K[k, 1] + H[2] * K[k, 2] + r[k]
-        s[k] += 0.5 * square_trace(Q[:3, :3], flat, h, -H[2] / h, 0.0, H)
+        s[k] += 0.5 * square_trace(Q[:3, :3], flat, lines[k, 5], lines[k, 4], 0.0, H)
         nu[k] = z - h - H[0] * moved[0] - H[1] * moved[1] - H[2] * moved[2]
         share[k] = math.log((1.0 - sensors.outliers) * weights[k]) - 0.5 * (
             nu[k] * nu[k] / s[k] + math.log(2.0 * math.pi * s[k])

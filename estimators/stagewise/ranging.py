@@ -63,7 +63,7 @@ class RangingModel:
         return after, F, Q
 
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
-        h, H = expected_ranges(self._model.wall, x[:3], self._model.angles)
+        h, H = expected_ranges(self._model.wall, x[:3], self._model.rays)
         sigma = np.sqrt(self._model.range_variance(h))
         W = np.zeros((len(h), STATES))
         W[:, :3] = H / sigma[:, np.newaxis]
@@ -71,7 +71,7 @@ class RangingModel:
 
     def deviations(self, x: Array) -> tuple[Array, Array]:
         """Standard deviations (l,) [m] of the ranges at x, and their derivatives (l,) by the range."""
-        h, _ = expected_ranges(self._model.wall, x[:3], self._model.angles)
+        h, _ = expected_ranges(self._model.wall, x[:3], self._model.rays)
         sigma = np.sqrt(self._model.range_variance(h))
         return sigma, self._model.relative**2 * h / sigma
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import mujoco
 
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.field.arena import SENSOR_HEIGHT, FieldArena
 from mathnavi.models.field.wall import Wall
@@ -29,13 +30,13 @@ _HERE = Path(__file__).parent
 
 
 class Unicycle(composer.Entity):
-    """A robot with one rangefinder ``range_I`` at each of ``angles`` (l,) [rad] off its heading.
+    """A robot with a rangefinder ``range_I`` for each of ``rays`` (l, 3) [rad, m, m]: angle off its heading, and place.
 
     ``friction`` is that of the wheels of the differential drive.
     """
 
     # The method that dm_control tells its users to override.
-    def _build(self, name: str, angles: Sequence[float], drive: DriveName, friction: float) -> None:
+    def _build(self, name: str, rays: Array, drive: DriveName, friction: float) -> None:
         check_vehicle_name(name)
         if not (math.isfinite(friction) and friction > 0.0):
             raise FieldError(f"friction = {friction!r}; allowed: a finite value > 0")
@@ -55,9 +56,9 @@ class Unicycle(composer.Entity):
         else:
             for side in ("left", "right"):
                 self._model.find("geom", f"tread_{side}").friction = (friction, 0.0, 0.0)
-        for i, angle in enumerate(angles):
+        for i, (angle, x, y) in enumerate(rays.tolist()):
             site = chassis.add(
-                "site", name=f"range_{i}", pos=(0.0, 0.0, SENSOR_HEIGHT), zaxis=(math.cos(angle), math.sin(angle), 0.0),
+                "site", name=f"range_{i}", pos=(x, y, SENSOR_HEIGHT), zaxis=(math.cos(angle), math.sin(angle), 0.0),
                 size=(0.004,), group=4,
             )  # fmt: skip
             self._model.sensor.add("rangefinder", name=f"range_{i}", site=site)
@@ -70,7 +71,7 @@ class Unicycle(composer.Entity):
 
 def build_spec(
     curve: Wall,
-    angles: Sequence[float],
+    rays: Array,
     drive: DriveName = "ideal",
     friction: float = 1.0,
     *,
@@ -84,7 +85,7 @@ def build_spec(
     wheels, ``NAME/wheel_left`` and ``NAME/wheel_right``.
     """
     arena = FieldArena(curve)
-    robot = Unicycle(name, angles, drive, friction)
+    robot = Unicycle(name, rays, drive, friction)
     root = arena.mjcf_model
     # The options of an arena and of what is attached to it must be the same.
     for option in ("timestep", "integrator", "gravity", "cone", "impratio"):
@@ -102,7 +103,7 @@ def build_spec(
 
 def build_model(
     curve: Wall,
-    angles: Sequence[float],
+    rays: Array,
     drive: DriveName = "ideal",
     friction: float = 1.0,
     *,
@@ -110,4 +111,4 @@ def build_model(
     beacons: Sequence[tuple[float, float]] = (),
 ) -> Any:
     """Compile the ``mujoco.MjModel`` of ``build_spec``."""
-    return build_spec(curve, angles, drive, friction, name=name, beacons=beacons).compile()
+    return build_spec(curve, rays, drive, friction, name=name, beacons=beacons).compile()

@@ -8,10 +8,11 @@ With a = u_2 dt / 2 the chord over dt has the length u_1 dt sin a / a and the di
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.compiled import inner_njit, njit
 from mathnavi.interfaces.signals import Array
 
 
@@ -25,6 +26,22 @@ def sinc(a: float) -> float:
 def sinc_derivative(a: float) -> float:
     """Derivative of sin a / a by a [rad]."""
     return -a / 3.0 + a**3 / 30.0 if abs(a) < 1e-3 else (math.cos(a) - math.sin(a) / a) / a
+
+
+def rays_at(angles: Sequence[float] | Array, places: Sequence[tuple[float, float]] = ()) -> Array:
+    """Rays (l, 3) [rad, m, m] at ``angles`` (l,) [rad] off the heading: with the place where each begins, ahead of the
+    middle of the axle and to its left. There is one for all or one for each; () is the middle of the axle.
+    """
+    return np.column_stack((angles, np.broadcast_to(places or (0.0, 0.0), (len(angles), 2))))
+
+
+@inner_njit(nogil=True)
+def mounted(ray: Array, heading: float) -> tuple[float, float]:
+    """R_phi m (2,) [m] from the robot's place to where a ``ray`` (3,) [rad, m, m] of angle and place m begins."""
+    if ray[1] == 0.0 and ray[2] == 0.0:
+        return 0.0, 0.0
+    c, s = math.cos(heading), math.sin(heading)
+    return c * ray[1] - s * ray[2], s * ray[1] + c * ray[2]
 
 
 @njit(cache=True, nogil=True)

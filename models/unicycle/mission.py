@@ -25,13 +25,13 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from mathnavi.interfaces.bounds import FINITE_NUMBERS, Condition, configuration
+from mathnavi.interfaces.bounds import FINITE_NUMBERS, Condition, Each, configuration
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.wall import Wall
-from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.kernels import integrate, rays_at
 from mathnavi.models.unicycle.motion import UnicycleMotion
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 
@@ -166,6 +166,10 @@ _SAME = 1e-9  # [rad]
 _DEVIATIONS, _OTHER_WALL = 8.0, 0.25  # of the noise, and share of the longest range by which a wall may be another
 
 MapDeviation = Annotated[tuple[float, float], Condition(lambda each: min(each) >= 0.0, "0 or more"), FINITE_NUMBERS]
+SensorPlaces = Annotated[
+    tuple[tuple[float, float], ...],
+    Each(Condition(lambda place: all(map(math.isfinite, place)), "two finite numbers")),
+]
 SensorAngles = Annotated[
     tuple[float, ...], Condition(lambda angles: len(angles) > 0, "one sensor or more"), FINITE_NUMBERS
 ]
@@ -175,7 +179,8 @@ SensorAngles = Annotated[
 class RangingMission(UnicycleMotion):
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
-    Raises MissionError without sensors, with two at the same angle, or with a known start that is not within the wall.
+    Raises MissionError without sensors, with two at the same angle, with places that are neither one nor one for each,
+    or with a known start that is not within the wall.
     """
 
     curve: Wall
@@ -190,18 +195,30 @@ class RangingMission(UnicycleMotion):
     map_deviation: MapDeviation = (0.0, 0.0)
     """standard deviations of place [m], along either axis, and direction [rad] of the walls around the robot: common to
     all ranges, so that no reading tells them, and part of the covariance of a pose"""
+    mounting: SensorPlaces = ()
+    """place [m, m] of the sensors, ahead of the middle of the axle and to its left: one for all, or one for each of
+    ``angles``; () at the middle of the axle, whose pose all estimates are"""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", tuple(map(float, self.angles)))  # lists and arrays cannot be hashed
+        object.__setattr__(self, "mounting", tuple((float(x), float(y)) for x, y in self.mounting))
         turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
         turned.append(turned[0] + 2.0 * math.pi)
         if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:
             raise MissionError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
+        if len(self.mounting) not in {0, 1, len(self.angles)}:
+            raise MissionError(
+                f"mounting = {self.mounting!r} for {len(self.angles)} sensors; allowed: one place, or one for each"
+            )
         if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
             raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
 
-    def check_map(self, name: str) -> None:
-        """Raise MissionError if walls may be off, for an estimator ``name`` whose theorem needs their true place."""
+    def check_exact(self, name: str) -> None:
+        """Raise MissionError if walls may be off, or rays begin elsewhere, for a part ``name`` whose theorem needs the
+        true place of the walls, and rays from the middle of the axle.
+        """
+        if self.is_mounted:
+            raise MissionError(f"mounting = {self.mounting!r} with {name}; allowed: (), at the middle of the axle")
         if any(self.map_deviation):
             raise MissionError(f"map_deviation = {self.map_deviation!r} with {name}; allowed: (0.0, 0.0)")
 
@@ -224,6 +241,29 @@ class RangingMission(UnicycleMotion):
     def alpha(self) -> Array:
         """Angles (l,) [rad] of the sensors off the heading."""
         return np.array(self.angles)
+
+    @property
+    def is_mounted(self) -> bool:
+        """True if a ray begins elsewhere than at the middle of the axle."""
+        return any(any(place) for place in self.mounting)
+
+    @property
+    def rays(self) -> Array:
+        """Rays (l, 3) [rad, m, m]: angle off the heading, and place ahead of the middle of the axle and to its left."""
+        return rays_at(self.angles, self.mounting)
+
+    def origins(self, pose: Array) -> Array:
+        """Where the rays begin (l, 2) [m] at a pose (3,)."""
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        begin: Array = pose[:2] + self.rays[:, 1:] @ np.array([[c, s], [-s, c]])
+        return begin
+
+    def ranges(self, pose: Array) -> Array:
+        """Ranges (l,) [m] of ideal sensors at a pose (3,) [m, m, rad], NaN where a ray misses the wall."""
+        if not self.is_mounted:
+            return self.curve.ranges(pose, self.alpha)[0]
+        begin = np.column_stack((self.origins(pose), np.full(self.sensors, pose[2])))
+        return np.concatenate([self.curve.ranges(at, [angle])[0] for at, angle in zip(begin, self.angles, strict=True)])
 
     @property
     def start_pose(self) -> Array:

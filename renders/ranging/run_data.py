@@ -72,7 +72,7 @@ class RangingRun(LoggedRun):
     @cached_property
     def true_ranges(self) -> Array:
         """(n, l) [m] what ideal sensors would have read."""
-        return np.array([self.curve.ranges(pose, self.mission.alpha)[0] for pose in self.pose])
+        return np.array([self.mission.ranges(pose) for pose in self.pose])
 
     @cached_property
     def believed_at(self) -> Array:
@@ -233,6 +233,7 @@ def _mission(record: RangingRecord) -> RangingMission:
     mission: RangingMission = kind(
         curve=record.wall(),
         angles=record.angles,
+        mounting=record.mounting,
         ranging=record.ranging,
         odometry=record.odometry,
         start=record.known_start,

@@ -121,18 +121,18 @@ class RangingScene(Staged):
         """Add rays from the turret to the wall, with a dot at each reading; dashed and grey where it was lost."""
         run, stage = self.run, self.stage
         pose = run.joints(t)[:3]
-        true, _ = run.curve.ranges(pose, run.mission.alpha)
-        read = run.ranges[run.index(t)]
-        for angle, rho, reading in zip(run.mission.alpha, true, read, strict=True):
+        mission, read = run.mission, run.ranges[run.index(t)]
+        rays = zip(mission.angles, mission.origins(pose), mission.ranges(pose), read, strict=True)
+        for angle, begin, rho, reading in rays:
             if not math.isfinite(rho):
                 continue
             along = np.array([math.cos(pose[2] + angle), math.sin(pose[2] + angle)])
-            ray = _lifted(pose[:2] + np.linspace(TURRET, rho, DASHED)[:, None] * along, SENSOR_HEIGHT)
+            ray = _lifted(begin + np.linspace(TURRET, rho, DASHED)[:, None] * along, SENSOR_HEIGHT)
             lost = not math.isfinite(reading)
             colour = COLOURS[SceneElement.LOST_RAY if lost else SceneElement.RAY]
             stage.line(ray if lost else ray[[0, -1]], colour, 0.65 * LINE[camera], dashed=lost)
             if not lost:
-                self._add_dot(pose[:2] + reading * along, SceneElement.RAY, 6.0)
+                self._add_dot(begin + reading * along, SceneElement.RAY, 6.0)
 
     def _add_beacons(self, t: float, camera: str) -> None:
         """Add each beacon, and a line to it from the robot."""
@@ -217,7 +217,7 @@ def _lifted(places: Array, height: float) -> Array:
 
 
 def _model(run: RangingRun, width: int, height: int, samples: int) -> Any:
-    spec = build_spec(run.curve, run.mission.angles, run.drive, run.friction)
+    spec = build_spec(run.curve, run.mission.rays, run.drive, run.friction)
     spec.stat.extent, spec.stat.center = 1.0, [*extent(run.curve)[0], 0.0]
     set_size(spec, width, height, samples)
     spec.visual.headlight.active = 0

@@ -32,7 +32,7 @@ QUALITY = 88
 
 def web_scene(run: RangingRun) -> Scene:
     """Return the scene of a robot in its field."""
-    model = build_spec(run.curve, run.mission.angles, run.drive, run.friction).compile()
+    model = build_spec(run.curve, run.mission.rays, run.drive, run.friction).compile()
     rows = thinned_rows(len(run.t), 1500)
     positions = run.log.x[rows, : model.nq]
     pos, quat = poses(model, positions)
@@ -144,14 +144,14 @@ def _rays(run: RangingRun) -> list[Lines]:
         for j in range(len(newest)):
             fresh = np.flatnonzero(measured[since, j])
             newest[j] = run.ranges[since, j][fresh[-1]] if len(fresh) else np.nan
-        pose = run.pose[row]
+        pose, begin = run.pose[row], run.mission.origins(run.pose[row])
         read.append([])
         lost.append([])
         for j, angle in enumerate(run.mission.angles):
             reading = float(newest[j])
             length = reading if math.isfinite(reading) else float(run.true_ranges[row, j])
             along = np.array([math.cos(pose[2] + angle), math.sin(pose[2] + angle)])
-            ends = lifted(pose[:2] + np.outer([TURRET, length], along), SENSOR_HEIGHT)
+            ends = lifted(begin[j] + np.outer([TURRET, length], along), SENSOR_HEIGHT)
             (read if math.isfinite(reading) else lost)[-1].append(ends)
     t, end = run.t[rows], run.duration
     return [

@@ -11,6 +11,8 @@ A message ends in the time of its sender, its host and the time of the logger. T
 FLASER spans 180 degrees, from the right to the left: n even, every 180 / n degrees from -90 on, n odd, every
 180 / (n - 1) degrees from -90 to 90; others state their angles.
 
+Poses of FLASER are those of the laser: a pose of the robot, moved ahead by the PARAM ``robot_frontlaser_offset`` [m].
+
 A scan comes with two poses, ``scan pose`` and ``scan odometry``. Where they differ, the first is what another program
 found, and a reference. GMapping writes its own pose in both, and beside each a message ``NEFF``; it moves what
 it passes on as ``ODOM`` along, so that these poses jump with each scan, and only their steps between two scans are

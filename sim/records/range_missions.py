@@ -35,6 +35,7 @@ class RangingRecord:
     start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
     rings: tuple[Ring, ...] = ()  # [m] corners of a polygon's rings, the outer one first; () of a curve
     beacons: BeaconMission | None = None  # None: it reads none
+    mounting: tuple[tuple[float, float], ...] = ()  # [m] of the sensors in the robot's axes: one for all, or one each
     outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges
 
     def wall(self) -> Wall:

@@ -144,6 +144,7 @@ def _mission(config: RangeLocalisationConfig) -> RangingMission:
     mission: RangingMission = kind(
         curve=config.field.curve(),
         angles=tuple(math.radians(angle) for angle in config.sensors),
+        mounting=config.mounting,
         ranging=config.noise.ranging(),
         odometry=config.noise.odometry(SLIP[config.drive]),
         speed_max=config.speed_max,
@@ -238,8 +239,8 @@ def _body(
 ) -> MujocoPlant:
     """Plant of the robot at rest at a pose (3,)."""
     turned = math.radians(config.mismatch.mounting)
-    angles = tuple(a + turned for a in mission.angles)
-    model = _model(mission.curve, angles, config.drive, config.friction, config.beacons.places)
+    rays = tuple((angle + turned, x, y) for angle, x, y in mission.rays.tolist())
+    model = _model(mission.curve, rays, config.drive, config.friction, config.beacons.places)
     start = np.zeros(2 * model.nq)
     start[:3] = pose
     setup = VehicleSetup(
@@ -254,9 +255,13 @@ def _body(
 
 @lru_cache(maxsize=8)
 def _model(
-    curve: Wall, angles: tuple[float, ...], drive: DriveName, friction: float, beacons: tuple[tuple[float, float], ...]
+    curve: Wall,
+    rays: tuple[tuple[float, float, float], ...],
+    drive: DriveName,
+    friction: float,
+    beacons: tuple[tuple[float, float], ...],
 ) -> mujoco.MjModel:
-    return build_model(curve, angles, drive, friction, name=VEHICLE, beacons=beacons)
+    return build_model(curve, np.array(rays), drive, friction, name=VEHICLE, beacons=beacons)
 
 
 def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Array) -> RangingRecord:
@@ -265,6 +270,7 @@ def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Arra
         field=mission.curve.name,
         **wall_record(mission.curve),
         angles=mission.angles,
+        mounting=mission.mounting,
         ranging=mission.ranging,
         odometry=mission.odometry,
         start=_three(pose),

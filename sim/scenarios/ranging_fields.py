@@ -41,6 +41,7 @@ _START_ERROR = (0.3, 0.3, 17.0)
 _SHORTEST, _LONGEST = 0.5, 20.0  # [m] of a half-axis
 _FARTHEST = 1000.0  # [m] of a range in a building
 _MOST_SENSORS = 64
+_FARTHEST_OUT = 1.0  # [m] of a sensor on the robot
 _AROUND = 3.0  # [m] by which a robot may be outside the box around all beacons
 _AXES = f"two finite values from {_SHORTEST:g} to {_LONGEST:g} m"
 
@@ -52,6 +53,10 @@ def _is_outage(times: tuple[float, float]) -> bool:
 
 _PLACE = Condition(
     lambda place: all(abs(each) <= _LONGEST for each in place), f"two values from -{_LONGEST:g} to {_LONGEST:g} m"
+)
+_MOUNTED = Condition(
+    lambda place: math.hypot(*place) <= _FARTHEST_OUT,
+    f"two values, up to {_FARTHEST_OUT:g} m off the middle of the axle",
 )
 _OUTAGE = Condition(_is_outage, "two finite times, 0 <= T0 < T1")
 HalfAxes = Annotated[tuple[float, float], Each(Interval(ge=_SHORTEST, le=_LONGEST), allowed=_AXES)]
@@ -218,6 +223,9 @@ class RangeLocalisationConfig(ChanceFields):
     field: WallFields = dataclasses.field(default_factory=WallFields)
     sensors: SensorDirections = (-60.0, 60.0)
     """directions of the range sensors off the heading [deg]"""
+    mounting: Annotated[tuple[tuple[float, float], ...], Each(_MOUNTED)] = ()
+    """place X Y of the range sensors, ahead of the middle of the axle and to its left [m]: given once for all, or once
+    for each; at the middle of the axle if not given"""
     start: Annotated[tuple[float, float, float], THREE_FINITE_NUMBERS] | None = None
     """start X Y HEADING [m, m, deg]; drawn from the seed if not given"""
     start_known: bool = False
@@ -250,6 +258,10 @@ class RangeLocalisationConfig(ChanceFields):
             )
         if len({angle % 360.0 for angle in self.sensors}) < len(self.sensors):
             raise FieldError(f"sensors = {self.sensors!r} holds one direction twice; allowed: different directions")
+        if len(self.mounting) not in {0, 1, len(self.sensors)}:
+            raise FieldError(
+                f"mounting = {self.mounting!r} for {len(self.sensors)} sensors; allowed: one place, or one for each"
+            )
         for value in self.start_error[:2]:
             check(value, "start_error", 0.0, _LONGEST)
         check_angle(self.start_error[2], "start_error: its heading", Degrees(0.0, 180.0))

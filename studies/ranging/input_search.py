@@ -28,7 +28,7 @@ from mathnavi.controllers.active_sensing.policies import ExplorationPolicy
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.kernels import cast_ray, range_gradient
-from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, mounted
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, WallFields
 
@@ -85,7 +85,7 @@ def known_pose_problem(mission: RangingMission, limit: float, seconds: float) ->
     noise = np.array([mission.ranging.relative, np.hypot(mission.ranging.absolute, LEAST_NOISE)])
     return KnownPoseProblem(
         WallTable(mission.curve.table, mission.curve.polyline),
-        RangeSensors(mission.alpha, noise),
+        RangeSensors(mission.rays, noise),
         NODE / mission.period * (1.0 - mission.ranging.dropout),
         mission.margin,
         limit,
@@ -114,7 +114,7 @@ def policy_nodes(policy: ExplorationPolicy, problem: KnownPoseProblem, pose: Arr
 def advance(problem: Any, pose: Array, F: Array, information: Array, u: Array) -> tuple[Array, Array, Array, float]:
     """Return pose (3,), F (3, 3) and information (3, 3) a node later under u (2,), and the position error [m] there."""
     coefficients, polyline = problem.wall
-    angles, noise = problem.sensors
+    rays, noise = problem.sensors
     after = integrate(pose, u[0], u[1], NODE)
     if clearance(problem.wall, after[0], after[1]) < problem.margin:
         after = pose
@@ -122,10 +122,11 @@ def advance(problem: Any, pose: Array, F: Array, information: Array, u: Array) -
         step, _ = integrate_jacobians(pose, u[0], u[1], NODE)
         F = step @ F
     information = information.copy()
-    for i in range(len(angles)):
-        beta = after[2] + angles[i]
-        rho, s = cast_ray(coefficients, polyline, after[0], after[1], beta)
+    for i in range(len(rays)):
+        beta, (m_1, m_2) = after[2] + rays[i, 0], mounted(rays[i], after[2])
+        rho, s = cast_ray(coefficients, polyline, after[0] + m_1, after[1] + m_2, beta)
         h_1, h_2, h_3 = range_gradient(coefficients, s, rho, beta)
+        h_3 += h_2 * m_1 - h_1 * m_2
         if math.isfinite(h_1 + h_2 + h_3):
             row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
             information += (problem.readings / ((noise[0] * rho) ** 2 + noise[1] ** 2)) * np.outer(row, row)

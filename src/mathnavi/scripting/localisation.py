@@ -78,8 +78,9 @@ class PoseObserver:
     (l,) [rad] are those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf,
     range_iekf, range_ukf, range_particle or, within a smooth curve, range_observer, and ``fields`` are its fields.
     ``range_noise`` [m] and ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is
-    the pose at the start if it is known, and ``period`` [s] the usual length of a step. ``trust_units`` says that
-    readings are right that fit the wall in another unit or with another sign only.
+    the pose at the start if it is known, and ``period`` [s] the usual length of a step. ``mounting`` (1, 2) or (l, 2)
+    [m] is where the sensors are, ahead of the middle of the axle and to its left, if elsewhere. ``trust_units`` says
+    that readings are right that fit the wall in another unit or with another sign only.
 
     Raises PluginError for an unknown method, FieldError for a field or a value that is not allowed.
     """
@@ -94,6 +95,7 @@ class PoseObserver:
         odometry_noise: tuple[float, float] = (0.02, 0.02),
         start: tuple[float, float, float] | None = None,
         period: float = 0.01,
+        mounting: Sequence[tuple[float, float]] = (),
         trust_units: bool = False,
         **fields: Any,
     ) -> None:
@@ -105,6 +107,7 @@ class PoseObserver:
                 OdometryQuality(noise=odometry_noise),
                 None if start is None else KnownStart(start),
                 period=period,
+                mounting=tuple(mounting),
             )
             found = load("estimators", method)
             spec = PluginSpec(found, configured(found.Config(), fields))

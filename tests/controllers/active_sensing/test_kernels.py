@@ -23,12 +23,13 @@ from mathnavi.controllers.active_sensing.kernels import (
 )
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Curve
+from mathnavi.models.unicycle.kernels import rays_at
 from tests.controllers.active_sensing.robots import FIELD, TWO, mission
 
 CURVES = [FIELD, EGG, BEAN]
 NOISE = np.array([0.05, 1e-3])
 ANGLES = np.array(TWO)
-SENSORS = RangeSensors(ANGLES, NOISE)
+SENSORS = RangeSensors(rays_at(ANGLES), NOISE)
 curves = st.sampled_from(CURVES)
 seeds = st.integers(0, 2**32 - 1)
 

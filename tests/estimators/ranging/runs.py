@@ -97,7 +97,7 @@ def reference(task: RangingMission, step: Step, x: Array, P: Array) -> tuple[Arr
         G = np.array([(motion(x, e) - motion(x, -e)) / (2.0 * h) for e in h * np.eye(2)]).T
         W = np.diag(np.square(odometry.noise) + np.square(odometry.slip))
         x, P = motion(x, still), A @ P @ A.T + G @ W @ G.T
-    rho, H = expected_ranges(task.curve.wall, x[:3], task.alpha)
+    rho, H = expected_ranges(task.curve.wall, x[:3], task.rays)
     H = np.column_stack((H, np.zeros(len(H))))
     S = H @ P @ H.T + np.diag(np.square(quality.relative * rho) + quality.absolute**2)
     nu = readings["ranges"] - rho

@@ -28,7 +28,7 @@ CANDIDATES, NO_SYMMETRY = MODEL.anywhere(np.random.default_rng(0), 300), (1, 0.0
 
 
 def sensors(absolute: float = NOISE) -> RaySensors:
-    return RaySensors(MODEL.angles, 0.0, absolute, 15.0, 0.002, 10.0)
+    return RaySensors(MODEL.rays, 0.0, absolute, 15.0, 0.002, 10.0)
 
 
 def driven(count: int, turn_rate: float = 0.6) -> tuple[Array, Way]:

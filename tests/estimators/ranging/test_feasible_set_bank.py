@@ -27,6 +27,7 @@ from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.field.curve import BEAN, Curve
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.field.wall import Wall
+from mathnavi.models.unicycle.kernels import rays_at
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from tests.estimators.ranging.runs import with_ranges
@@ -380,7 +381,7 @@ def test_scores_are_how_likely_the_hypotheses_are() -> None:
     alpha, truth = np.array([-1.0, 0.0, 1.0]), np.array([0.5, 0.2, 0.3, 0.0])
     bank = hypotheses_at(np.array([[0.8, 0.2, 0.3, 0.0], truth, truth]), 0.1, 3)
     bank.score[2] = np.nan
-    z, sensors = FIELD.ranges(truth[:3], alpha)[0], RaySensors(alpha, 0.05, 1e-4, 15.0, 0.0, 8.0)
+    z, sensors = FIELD.ranges(truth[:3], alpha)[0], RaySensors(rays_at(alpha), 0.05, 1e-4, 15.0, 0.0, 8.0)
     scoring, noise = Scoring(0.995, 0.98, -20.0, 1.0), declared_noise(0.0)
     best, nis, rays = condition_each(bank, 0, z, FIELD.wall, sensors, noise, scoring, no_innovations(3))
     assert (best, rays) == (1, 3)

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import rays_at
 from mathnavi.models.unicycle.mission import RangingMission
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
@@ -20,7 +21,7 @@ def test_many_random_poses_reach_the_feasible_set_in_a_few_steps(
     y, _ = curve.ranges(clear_pose(curve, sensors, rng), sensors)
     states = np.array([[*curve.draw(rng), 0.0] for _ in range(100)])
     before = states.copy()
-    on, far = project(states, y, np.square(0.02 * y), curve.wall, sensors, 6, np.inf)
+    on, far = project(states, y, np.square(0.02 * y), curve.wall, rays_at(sensors), 6, np.inf)
     assert np.mean(far < 10.0) > 0.03
     for state in on[far < 10.0]:
         assert curve.contains(state[:2])
@@ -36,7 +37,7 @@ def test_a_pose_near_the_set_moves_to_the_nearest_of_it(curve: Curve, seed: int)
     truth = clear_pose(curve, sensors, rng, 0.4)
     y, _ = curve.ranges(truth, sensors)
     start = truth + 1e-3 * rng.standard_normal(3)
-    on, _ = project(np.array([[*start, 0.0]]), y, np.full(2, 1e-8), curve.wall, sensors, 3, np.inf)
+    on, _ = project(np.array([[*start, 0.0]]), y, np.full(2, 1e-8), curve.wall, rays_at(sensors), 3, np.inf)
     h = 1e-5
     H = np.array(
         [(curve.ranges(truth + e, sensors)[0] - curve.ranges(truth - e, sensors)[0]) / (2.0 * h) for e in h * np.eye(3)]
@@ -51,8 +52,8 @@ def test_a_ray_that_was_lost_does_not_count() -> None:
     y, _ = FIELD.ranges(state[0, :3] + [0.2, 0.1, 0.0], sensors)
     wall = FIELD.wall
     v = np.full(3, 1e-3)
-    projected, _ = project(state, np.array([y[0], np.nan, y[2]]), v, wall, sensors, 3, np.inf)
-    same, _ = project(state, y[[0, 2]], v[:2], wall, sensors[[0, 2]], 3, np.inf)
+    projected, _ = project(state, np.array([y[0], np.nan, y[2]]), v, wall, rays_at(sensors), 3, np.inf)
+    same, _ = project(state, y[[0, 2]], v[:2], wall, rays_at(sensors[[0, 2]]), 3, np.inf)
     np.testing.assert_array_equal(projected, same)
 
 

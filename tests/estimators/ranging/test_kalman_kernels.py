@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mathnavi.estimators.ranging.kalman_kernels import (
     RaySensors,
@@ -19,7 +20,8 @@ from mathnavi.estimators.ranging.kalman_kernels import (
 )
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.kernels import integrate, rays_at
+from mathnavi.models.unicycle.mission import RangingMission
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
 OPEN = 1e300  # a gate that refuses nothing
@@ -27,15 +29,15 @@ RELATIVE, ABSOLUTE = 0.05, 0.01
 
 
 def sensors_at(angles: Array, gate: float = OPEN, outliers: float = 0.0) -> RaySensors:
-    return RaySensors(angles, RELATIVE, ABSOLUTE, gate, outliers, 8.0)
+    return RaySensors(rays_at(angles), RELATIVE, ABSOLUTE, gate, outliers, 8.0)
 
 
-def second_derivative(curve: Curve, pose: Array, alpha: float) -> tuple[float, Array, Array]:
+def second_derivative(curve: Curve, pose: Array, ray: Array) -> tuple[float, Array, Array]:
     """h, H (3,) and h'' (3, 3) of a ray."""
     H, D, heading = np.empty(3), np.empty(3), np.array([0.0, 0.0, 1.0])
-    h, B, C = expected_range(curve.wall, pose[0], pose[1], pose[2] + alpha, H, D)
+    h, B, C, E = expected_range(curve.wall, pose, ray, H, D)
     turned = np.outer(H, heading)
-    return h, H, C * np.outer(D, D) - B * (turned + turned.T) + h * np.outer(heading, heading)
+    return h, H, C * np.outer(D, D) - B * (turned + turned.T) + E * np.outer(heading, heading)
 
 
 def any_covariance(rng: np.random.Generator, deviation: float) -> Array:
@@ -44,16 +46,18 @@ def any_covariance(rng: np.random.Generator, deviation: float) -> Array:
 
 
 @settings(max_examples=40, deadline=None)
-@given(walls, seeds)
-def test_derivatives_of_a_range_are_those_of_differences(curve: Curve, seed: int) -> None:
-    pose, alpha, h = clear_pose(curve, np.array([0.4]), np.random.default_rng(seed)), np.array([0.4]), 1e-4
-    _, H, second = second_derivative(curve, pose, 0.4)
+@given(walls, seeds, st.sampled_from([(0.0, 0.0), (0.15, -0.1)]))
+def test_derivatives_of_a_range_are_those_of_differences(curve: Curve, seed: int, place: tuple[float, float]) -> None:
+    """Of the range that a sensor reads where it is mounted, by the pose of the axle."""
+    mission = RangingMission(curve, (0.4,), mounting=(place,))
+    sensor, h = clear_pose(curve, mission.alpha, np.random.default_rng(seed)), 1e-4
+    pose = sensor - [*(mission.origins(sensor)[0] - sensor[:2]), 0.0]
+    rho, H, second = second_derivative(curve, pose, mission.rays[0])
     step = h * np.eye(3)
-    slope = [(curve.ranges(pose + e, alpha)[0][0] - curve.ranges(pose - e, alpha)[0][0]) / (2.0 * h) for e in step]
-    numerical = [
-        (second_derivative(curve, pose + e, 0.4)[1] - second_derivative(curve, pose - e, 0.4)[1]) / (2.0 * h)
-        for e in step
-    ]
+    slope = [(mission.ranges(pose + e)[0] - mission.ranges(pose - e)[0]) / (2.0 * h) for e in step]
+    gradients = [[second_derivative(curve, pose + sign * e, mission.rays[0])[1] for sign in (1, -1)] for e in step]
+    numerical = [(ahead - behind) / (2.0 * h) for ahead, behind in gradients]
+    assert rho == pytest.approx(curve.ranges(sensor, mission.alpha)[0][0], abs=1e-12)
     np.testing.assert_allclose(H, slope, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(second, numerical, rtol=1e-4, atol=1e-4 * np.abs(second).max())
 
@@ -87,7 +91,7 @@ def test_rays_one_after_the_other_are_the_update_with_all_of_them(
     rng = np.random.default_rng(seed)
     pose, P = clear_pose(curve, np.array(alpha), rng), any_covariance(rng, 0.3)
     x = np.array([*pose, 0.01])
-    parts = [second_derivative(curve, pose, angle) for angle in alpha]
+    parts = [second_derivative(curve, pose, ray) for ray in rays_at(alpha)]
     h, H = np.array([part[0] for part in parts]), np.array([[*part[1], 0.0] for part in parts])
     R = np.square(RELATIVE * h) + ABSOLUTE**2
     R += [0.5 * np.trace(part[2] @ P[:3, :3] @ part[2] @ P[:3, :3]) for part in parts]
@@ -172,6 +176,6 @@ def test_whatever_is_read_the_estimate_stays_within_the_wall(curve: Curve, alpha
 
 
 def test_a_ray_that_grazes_the_wall_tells_nothing() -> None:
-    h, H = expected_ranges(FIELD.wall, np.array([3.763 - 1e-9, 0.0, 0.5 * math.pi]), np.zeros(1))
+    h, H = expected_ranges(FIELD.wall, np.array([3.763 - 1e-9, 0.0, 0.5 * math.pi]), rays_at([0.0]))
     assert np.isnan(h).all()
     assert np.isnan(H).all()

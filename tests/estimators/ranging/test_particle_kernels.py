@@ -15,7 +15,7 @@ from mathnavi.estimators.ranging.particle_clusters import Cells, clusters_of, fo
 from mathnavi.estimators.ranging.particle_kernels import propagate, resample, resampled, weigh
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.kernels import integrate, rays_at
 from tests.estimators.ranging.walls import FIELD, angles, seeds, walls
 
 CELLS = Cells(0.1, 63)
@@ -91,7 +91,7 @@ def test_weights_are_the_likelihoods_of_the_readings(curve: Curve, alpha: tuple[
     likely = np.where(np.isnan(z), 1.0, p).prod(axis=1)
     w, read = before.copy(), np.isfinite(z).sum()
     effective, mean = weigh(
-        x, w, z, curve.wall, RaySensors(np.array(alpha), relative, absolute, math.inf, epsilon, longest)
+        x, w, z, curve.wall, RaySensors(rays_at(alpha), relative, absolute, math.inf, epsilon, longest)
     )
     expected = before * likely / (before * likely).sum()
     assert 1.0 / np.square(expected).sum() > 4.0
@@ -108,7 +108,7 @@ def test_an_exact_reading_leaves_a_tenth_of_the_particles() -> None:
     x = around((0.5, 0.2, 0.3), 400, np.random.default_rng(0), 0.1)
     w = equal(x)
     z = FIELD.ranges(x[7, :3], np.zeros(1))[0]
-    effective, _ = weigh(x, w, z, FIELD.wall, RaySensors(np.zeros(1), 1e-4, 1e-4, math.inf, 1e-9, 7.0))
+    effective, _ = weigh(x, w, z, FIELD.wall, RaySensors(rays_at([0.0]), 1e-4, 1e-4, math.inf, 1e-9, 7.0))
     assert 40.0 <= effective <= 200.0
     assert w.argmax() == 7
 

@@ -12,6 +12,7 @@ from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, 
 from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.unicycle.kernels import rays_at
 
 ROOM = Polygon((((0.0, 0.0), (8.0, 0.0), (8.0, 6.0), (0.0, 6.0)),))
 CORNER = Polygon((((0.0, 0.0), (8.0, 0.0), (8.0, 4.0), (14.0, 4.0), (14.0, 10.0), (0.0, 10.0)),))
@@ -22,7 +23,7 @@ Update = Callable[..., tuple[float, float, int]]
 
 
 def sensors(*angles: float, outliers: float = 0.05) -> RaySensors:
-    return RaySensors(np.array(angles), 0.0, ABSOLUTE, 1e300, outliers, LONGEST)
+    return RaySensors(rays_at(angles), 0.0, ABSOLUTE, 1e300, outliers, LONGEST)
 
 
 def updated(

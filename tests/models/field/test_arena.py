@@ -14,6 +14,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.arena import DRAWN_GROUP, SENSED_GROUP, SENSOR_HEIGHT
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.entity import RADIUS, build_model
+from mathnavi.models.unicycle.kernels import rays_at
 
 ANGLES = tuple(2.0 * math.pi * k / 7 for k in range(7))
 TURNED = Curve(((0.4, 0.0, -0.3, 0.0), (2.6, 0.7, -0.9, 1.2)), "turned ellipse")
@@ -29,7 +30,7 @@ walls = pytest.mark.parametrize("name", WALLS)
 
 @cache
 def model_of(name: str) -> Any:
-    return build_model(WALLS[name][0], ANGLES)
+    return build_model(WALLS[name][0], rays_at(ANGLES))
 
 
 def seen(model: Any, poses: Array) -> Array:

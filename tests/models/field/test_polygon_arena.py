@@ -12,6 +12,7 @@ import pytest
 
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.entity import RADIUS, build_model
+from mathnavi.models.unicycle.kernels import rays_at
 
 from .walls import FURNISHED
 
@@ -25,7 +26,7 @@ walls = pytest.mark.parametrize("wall", [FURNISHED, SHARP], ids=["furnished", "s
 
 @cache
 def model_of(wall: Polygon) -> Any:
-    return build_model(wall, ANGLES)
+    return build_model(wall, rays_at(ANGLES))
 
 
 @walls

@@ -11,6 +11,7 @@ import pytest
 
 from mathnavi.models.field.arena import SENSOR_HEIGHT
 from mathnavi.models.unicycle.entity import RADIUS, DriveName, build_model
+from mathnavi.models.unicycle.kernels import rays_at
 from mathnavi.models.unicycle.mission import TICK
 from tests.unicycle import STANDARD
 
@@ -19,7 +20,7 @@ both = pytest.mark.parametrize("drive", ["ideal", "differential"])
 
 @both
 def test_the_pose_leads_and_the_wheels_end_the_joints(drive: DriveName) -> None:
-    model = build_model(STANDARD, (0.0,), drive, name="rover")
+    model = build_model(STANDARD, rays_at((0.0,)), drive, name="rover")
     names = [model.joint(j).name for j in range(model.njnt)]
     assert names[:3] == ["rover/x_1", "rover/x_2", "rover/phi"]
     assert names[-2:] == ["rover/wheel_left", "rover/wheel_right"]
@@ -30,7 +31,7 @@ def test_the_pose_leads_and_the_wheels_end_the_joints(drive: DriveName) -> None:
 
 @pytest.mark.parametrize("angles", [(0.0,), (-1.0, 1.0), tuple(0.7 * k for k in range(8))])
 def test_there_is_a_rangefinder_at_every_angle_in_one_plane(angles: tuple[float, ...]) -> None:
-    model = build_model(STANDARD, angles)
+    model = build_model(STANDARD, rays_at(angles))
     data = mujoco.MjData(model)
     data.qpos[2] = 0.4
     mujoco.mj_kinematics(model, data)
@@ -45,7 +46,7 @@ def test_there_is_a_rangefinder_at_every_angle_in_one_plane(angles: tuple[float,
 @both
 def test_nothing_of_the_robot_but_its_own_body_reaches_the_plane_of_the_sensors(drive: DriveName) -> None:
     """A ray passes through the geoms of the body that its site is on, and through those only."""
-    model = build_model(STANDARD, (0.0,), drive)
+    model = build_model(STANDARD, rays_at((0.0,)), drive)
     chassis = model.body("robot/chassis").id
     for g in range(model.ngeom):
         body = int(model.geom_bodyid[g])
@@ -62,7 +63,7 @@ def touching(model: Any, name: str) -> set[str]:
 
 @both
 def test_the_bumper_meets_walls_and_the_wheels_meet_the_floor(drive: DriveName) -> None:
-    model = build_model(STANDARD, (0.0,), drive)
+    model = build_model(STANDARD, rays_at((0.0,)), drive)
     assert touching(model, "bumper") == {"wall"}
     assert model.geom("robot/bumper").size[0] == RADIUS
     for name in ("tread_left", "tread_right", "caster_front", "caster_rear"):
@@ -71,7 +72,7 @@ def test_the_bumper_meets_walls_and_the_wheels_meet_the_floor(drive: DriveName) 
 
 
 def test_wheels_grip_and_casters_slip() -> None:
-    model = build_model(STANDARD, (0.0,), "differential", 0.4)
+    model = build_model(STANDARD, rays_at((0.0,)), "differential", 0.4)
     friction = {name: model.geom(f"robot/{name}").friction[0] for name in ("tread_left", "tread_right", "caster_rear")}
     assert friction["tread_left"] == friction["tread_right"] == 0.4
     assert max(friction["caster_rear"], model.geom("floor").friction[0]) < 0.01
@@ -88,4 +89,4 @@ def test_wheels_grip_and_casters_slip() -> None:
 )
 def test_what_makes_no_robot_is_refused(arguments: dict[str, Any], expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
-        build_model(STANDARD, (0.0,), "differential", **arguments)
+        build_model(STANDARD, rays_at((0.0,)), "differential", **arguments)

@@ -13,6 +13,7 @@ import pytest
 from mathnavi.interfaces.protocols import ActuatorModel, StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.entity import RADIUS, build_model, build_spec
+from mathnavi.models.unicycle.kernels import rays_at
 from mathnavi.models.unicycle.mission import IdealDrive, RangingMission
 from mathnavi.sim.engine.mujoco_sensors import MujocoSensor
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
@@ -36,7 +37,7 @@ class Sensing:
 
 def test_a_drive_has_inputs_of_its_own_and_their_bounds() -> None:
     drive: ActuatorModel = IdealDrive()
-    model = build_model(STANDARD, (0.0,))
+    model = build_model(STANDARD, rays_at((0.0,)))
     setup = VehicleSetup(np.zeros(10), input_max=np.array([0.5, 1.0]), drive=drive)
     plant = MujocoPlant(model, {"robot": setup}, np.random.default_rng(0))
     events = plant.step({"robot": np.array([2.0, 0.0])}, 10)
@@ -93,7 +94,7 @@ def test_a_reading_is_the_sensors_own() -> None:
 
 def test_a_sensor_that_is_not_there_is_named_with_those_that_are() -> None:
     setup = VehicleSetup(np.zeros(10), (Sensing("range_O"),), drive=IdealDrive())
-    plant = MujocoPlant(build_spec(STANDARD, (0.0,)).compile(), {"robot": setup}, np.random.default_rng(0))
+    plant = MujocoPlant(build_spec(STANDARD, rays_at((0.0,))).compile(), {"robot": setup}, np.random.default_rng(0))
     with pytest.raises(ValueError, match=r"no sensor 'robot/range_O'; did you mean range_0.*allowed: .*wheel_left"):
         plant.sense("robot")
 
@@ -203,13 +204,13 @@ def test_standing_on_the_floor_is_no_event_and_bumping_into_the_wall_is() -> Non
 
 
 def test_a_floor_that_is_not_expected_is_an_event() -> None:
-    model = build_model(STANDARD, (0.0,), "differential")
+    model = build_model(STANDARD, rays_at((0.0,)), "differential")
     plant = MujocoPlant(model, {"robot": VehicleSetup(np.zeros(16))}, np.random.default_rng(0))
     assert "ground-contact" in [event.kind for event in plant.step({"robot": np.zeros(2)}, 100)]
 
 
 def test_what_it_is_said_to_stand_on_must_be_there() -> None:
-    model = build_model(STANDARD, (0.0,), "differential")
+    model = build_model(STANDARD, rays_at((0.0,)), "differential")
     setup = VehicleSetup(np.zeros(16), ignored_contacts=("ice",))
     with pytest.raises(ValueError, match=r"'robot': ignored_contacts: no geom 'ice'; allowed: .*\bfloor\b"):
         MujocoPlant(model, {"robot": setup}, np.random.default_rng(0))

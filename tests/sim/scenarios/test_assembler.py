@@ -159,6 +159,7 @@ RECORDS = (
         field="egg", coefficients=((0.0, 1.0, 2.0, 3.0),), angles=(0.1,), ranging=RangeQuality(0.1),
         odometry=OdometryQuality((0.1, 0.2)), known_start=KnownStart((0.0, 1.0, 2.0)), speed_max=1.0,
         turn_rate_max=2.0, margin=0.3, period=0.01, drive="differential", friction=1.0, outage=((1.0, 2.0),),
+        mounting=((0.3, 0.0),),
     ),
 )  # fmt: skip
 

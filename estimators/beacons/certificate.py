@@ -202,7 +202,8 @@ class BeaconCertificate:
         outliers = most_outliers(len(self._readings), fraction, half)
         rays, rows = [], []
         for reading, motion in zip(self._readings, motions, strict=False):  # the last motion is that to now
-            x, y, drift, rho = *motion.pose[:2].tolist(), kappa * motion.place, reading.rho
+            x, y = float(motion.pose[0]), float(motion.pose[1])
+            drift, rho = kappa * motion.place, reading.rho
             sigma = math.hypot(absolute, share * high * rho) / spread
             bound = kappa * sigma + drift
             beacon = self._model.places[reading.beacon].tolist()

@@ -147,7 +147,7 @@ def _measure(room: Polygon, trials: int, rival: Rival | None, rng: np.random.Gen
     ours, theirs = [], []
     for _ in range(trials):
         x = room.draw(rng)
-        y = room.ranges(x, ANGLES)[0] + NOISE * rng.standard_normal(len(ANGLES))
+        y = room.ranges(x, np.array(ANGLES))[0] + NOISE * rng.standard_normal(len(ANGLES))
         certificate = PoseCertificate(config, mission)
         certificate.note(mission.period, y, np.zeros(2))
         begun = time.perf_counter()

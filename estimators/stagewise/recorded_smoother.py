@@ -69,10 +69,12 @@ class RecordedSmoother:
         """
         assert self._states is not None, "the run was not smoothed yet"
         k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
-        x, P = self._model.reported(self._states.x[max(k, 0)], self._states.P[max(k, 0)])
+        state, covariance = self._states.x[max(k, 0)], self._states.P[max(k, 0)]
+        x, P = self._model.reported(state, covariance)
         if P is not None:
             P = 0.5 * (P + P.T)
-        return Estimate(t, x, P, self._status(t) if k >= 0 and len(self._read) else Status.INITIALISING)
+        extra = self._model.extra(state, covariance)
+        return Estimate(t, x, P, self._status(t) if k >= 0 and len(self._read) else Status.INITIALISING, extra)
 
     def _status(self, t: float) -> Status:
         """Status at t [s], which is after the first stage."""

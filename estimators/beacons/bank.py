@@ -29,9 +29,10 @@ _AROUND, _GRID = 48, 14  # places on a circle, or along each side of the box
 _LEAST_WEIGHT = 1e-5  # of the heaviest, below which a filter is dropped
 _MOST = 4000  # filters
 _NEAR = 1.0  # squared Mahalanobis distance at which two are merged
+_ONE = 4.0  # likewise with unknown places: up to it two Gaussians together have one maximum
 _SPREAD = 0.6  # of the distance between two places: standard deviation
 _FEW = 16  # filters, up to which a beacon at an unknown place is taken in
-_UNLIKELY = 1e-3  # weight up to which a filter may be elsewhere while a place is said to be found
+_UNLIKELY = 1e-3  # weight up to which a filter may have a beacon elsewhere than the others
 
 
 class BeaconBank:
@@ -42,6 +43,8 @@ class BeaconBank:
         self._model, self._gate = model, gate
         self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
         d = model.size
+        self._near = _ONE if model.mission.unknown else _NEAR
+        self._noise = float(model.errors[RANGE][0]) if RANGE in model.errors else math.inf
         self.x, self.P, self.weights = np.empty((0, d)), np.empty((0, d, d)), np.empty(0)
         self.seeds: Integers = np.empty(0, dtype=np.int64)
         self.starts: tuple[Array, Array] = self.x, self.P
@@ -143,18 +146,19 @@ class BeaconBank:
         self.P[:, k : k + 2, k : k + 2] = nothing[k : k + 2, k : k + 2]
         self._model.placed[i] = False
 
-    def places_found(self, within: float) -> NDArray[np.bool_]:
-        """Whether (n,) the place of each beacon is known, or found to a standard deviation of ``within`` [m]: by all
-        filters together, and by all but the unlikely ones within so much of their mean.
+    def places_found(self, within: float, *, alone: bool = False) -> NDArray[np.bool_]:
+        """Whether (n,) the place of each beacon is known, or found to a standard deviation of ``within`` [m] over all
+        filters; with ``alone`` all but unlikely ones must have it within so much of their mean.
         """
         found = self._model.placed.copy()
         likely = self.weights > _UNLIKELY
         x, P = self.moments() if self.begun else (np.empty(0), np.empty(0))
         for i in np.flatnonzero(found & (self._model.columns >= 0)).tolist():
             k = int(self._model.columns[i])
-            off = self.x[likely, k : k + 2] - x[k : k + 2]
-            spread = float(np.trace(P[k : k + 2, k : k + 2]))
-            found[i] = spread <= within**2 and bool((np.hypot(off[:, 0], off[:, 1]) <= within).all())
+            found[i] = float(np.trace(P[k : k + 2, k : k + 2])) <= within**2
+            if alone:
+                off = self.x[likely, k : k + 2] - x[k : k + 2]
+                found[i] &= bool((np.hypot(off[:, 0], off[:, 1]) <= within).all())
         return found
 
     def _set(self, x: Array, P: Array) -> None:
@@ -194,7 +198,7 @@ class BeaconBank:
             kept = kept[np.argsort(-weights[kept], kind="stable")[:_MOST]]
         x, P, weights, seeds = self.x[kept], self.P[kept], weights[kept], self.seeds[kept]
         if len(weights) <= _MOST // 4:
-            x, P, weights, places = merged(x, P, weights, _NEAR)
+            x, P, weights, places = merged(x, P, weights, self._near, self._noise)
             seeds = seeds[places]
         self.x, self.P, self.weights, self.seeds = x, P, weights / weights.sum(), seeds
 

@@ -240,7 +240,7 @@ class BeaconFilter:
         if self._used < _FEWEST:
             return False
         _, P = self.bank.moments()
-        places = self.bank.places_found(self._farthest) | (self._read < _FEWEST)
+        places = self.bank.places_found(self._farthest, alone=True) | (self._read < _FEWEST)
         return float(P[0, 0] + P[1, 1]) <= self._farthest**2 and float(P[2, 2]) <= _HEADING**2 and bool(places.all())
 
     def _is_unknown(self) -> bool:
@@ -281,12 +281,12 @@ class BeaconFilter:
         status = self._beacons.status(t, P)
         if status is Status.INITIALISING:
             return status, waiting(status, "beacons")
-        if status is Status.LOST:
+        if status is Status.LOST and (self.found or self._again or not self.model.mission.unknown):
             return status, ""
         if not self.found:
             if self._again:
                 return Status.LOST, "looks for its pose"
-            lacking = np.flatnonzero(~self.bank.places_found(self._farthest)) if self.bank.begun else ()
+            lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
             return Status.INITIALISING, (
                 f"waits until the beacons {', '.join(map(str, lacking))} are at one place each"
                 if len(lacking)

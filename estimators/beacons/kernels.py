@@ -183,22 +183,25 @@ def condition(
 
 
 @njit(cache=True, nogil=True)
-def _places_meet(d: Array, P: Array, near: float) -> bool:
-    """True if all places in a difference d (d,) are within ``near`` by a covariance P (d, d); see ``merged``."""
+def _places_meet(d: Array, x: Array, P: Array, near: float, noise: float) -> bool:
+    """True if all places in a difference d (d,) from a state x (d,) are near by its covariance P; see ``merged``."""
     for k in range(STATES, len(d), 2):
         a, b, c = P[k, k], P[k, k + 1], P[k + 1, k + 1]
         square = c * d[k] * d[k] - 2.0 * b * d[k] * d[k + 1] + a * d[k + 1] * d[k + 1]
-        if square >= near * (a * c - b * b):
+        rho = math.hypot(x[k] - x[0], x[k + 1] - x[1])
+        if square >= near * (a * c - b * b) or d[k] * d[k] + d[k + 1] * d[k + 1] >= 2.0 * rho * noise:
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Array, Array, Integers]:
-    """States, covariances and weights after each that is within ``near`` of a heavier one was merged with that.
+def merged(x: Array, P: Array, weights: Array, near: float, noise: float) -> tuple[Array, Array, Array, Integers]:
+    """States, covariances and weights after each that is near a heavier one was merged with that.
 
-    ``near`` is a squared Mahalanobis distance, by the covariance of the heavier one, of the pose and of each of the
-    places in the state. The last array holds where those that were kept are among the given ones.
+    Near are those within a squared Mahalanobis distance of ``near``, by the covariance of the heavier one, of the pose
+    and of each of the places in the state; places also must be so near that the circle about the robot departs from its
+    chord between them by less than ``noise`` [m] / 4. The last array holds where those that were kept are among the
+    given ones.
     """
     order, count, size = np.argsort(-weights), len(weights), x.shape[1]
     taken, kept = np.zeros(count, dtype=np.bool_), 0
@@ -220,7 +223,7 @@ def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Arra
             for k in range(size):
                 d[k] = x[j, k] - x[i, k]
             d[2] = wrapped(d[2])
-            if d[:3] @ (inverse @ d[:3]) < near and _places_meet(d, P[i], near):
+            if d[:3] @ (inverse @ d[:3]) < near and _places_meet(d, x[i], P[i], near, noise):
                 taken[j] = True
                 total += weights[j]
                 for k in range(size):

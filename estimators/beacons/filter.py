@@ -240,7 +240,10 @@ class BeaconFilter:
         if self._used < _FEWEST:
             return False
         _, P = self.bank.moments()
-        places = self.bank.places_found(self._farthest, alone=True) | (self._read < _FEWEST)
+        places = self.bank.places_found(self._farthest, alone=True)
+        if self.model.mission.unknown and not places.any():
+            return False
+        places |= self._read == 0
         return float(P[0, 0] + P[1, 1]) <= self._farthest**2 and float(P[2, 2]) <= _HEADING**2 and bool(places.all())
 
     def _is_unknown(self) -> bool:

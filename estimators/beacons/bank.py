@@ -108,7 +108,7 @@ class BeaconBank:
         return True
 
     def take_in(self, i: int, y: float) -> bool:
-        """Take beacon i, at an unknown place, into the state by a range y [m]; False while there are too many filters."""
+        """Take beacon i, at an unknown place, into the state by a range y [m]; False for too many filters."""
         if len(self.weights) > _FEW:
             return False
         k, count = int(self._model.columns[i]), len(self.weights) * _AROUND
@@ -130,8 +130,8 @@ class BeaconBank:
         P[:, k : k + 2, :] = cross
         P[:, :, k : k + 2] = cross.transpose(0, 2, 1)
         noise = across[:, None, None] ** 2 * e[:, :, None] * e[:, None, :]
-        P[:, k : k + 2, k : k + 2] = cross @ G.transpose(0, 2, 1) + noise + (
-            spread[:, None, None] ** 2 * along[:, :, None] * along[:, None, :]
+        P[:, k : k + 2, k : k + 2] = (
+            cross @ G.transpose(0, 2, 1) + noise + (spread[:, None, None] ** 2 * along[:, :, None] * along[:, None, :])
         )
         self.x, self.P = x, P
         self.weights, self.seeds = np.repeat(self.weights / _AROUND, _AROUND), np.repeat(self.seeds, _AROUND)

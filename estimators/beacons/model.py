@@ -1,7 +1,8 @@
 """The robot that reads beacons as a ``StagewiseModel``, for its filter and its smoother.
 
 The state is that of ``kernels``: the pose, the scale errors of the odometry and that of the ranges, and the places of
-beacons that are not known, about which nothing is known at the start. A reading of a stage is an array with the entries of all sensors in the order of their kinds, NaN where one is missing.
+beacons that are not known, about which nothing is known at the start. A reading of a stage is an array with the entries
+of all sensors in the order of their kinds, NaN where one is missing.
 
 Odometry is the mean input since the reading of odometry before. Where beacons are read in between, the last odometry
 is held until then, and what remains of the motion is made up for once the odometry is there: distance and turn over

@@ -5,6 +5,7 @@ start, so that no reading counts twice. Readings are linearised there, however f
 
     h(x, b) = h(x, b^) + dh/db (x, b^) (b - b^).
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

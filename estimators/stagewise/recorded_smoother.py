@@ -5,7 +5,7 @@ A causal estimator uses the readings so far; this one uses the whole run, which 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -42,6 +42,12 @@ class RecordedSmoother:
         self._read = np.empty(0)  # (k,) [s] times with readings
         self._config, self._model = config, model
         self._states: SmoothedStates | None = None
+
+    @property
+    def figures(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the further figures of its estimates."""
+        named: Mapping[str, tuple[str, ...]] = getattr(self._model, "figures", {})
+        return named
 
     def smooth(self, samples: Iterable[Sample]) -> None:
         """Smooth a run.

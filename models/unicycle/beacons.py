@@ -72,7 +72,7 @@ class BeaconMission(UnicycleMotion):
     """whether the inputs of a log are the odometry, each from its time to the next, in place of readings"""
     start: KnownStart | None = None  # None: anywhere
     surroundings: Positive = 10.0
-    """[m] by which the robot, and a beacon to be found, may be outside the box around all known beacons and the start"""
+    """[m] by which the robot and a beacon to be found may be outside the box around all known beacons and the start"""
     interval: Positive | None = None  # [s] between readings of beacons; the period if not given
     speed_max: Positive = 1.0  # [m/s]
     turn_rate_max: Positive = 2.0  # [rad/s]
@@ -87,7 +87,9 @@ class BeaconMission(UnicycleMotion):
         if self.range_differences is not None and len(self.beacons) < 2:
             raise MissionError("range differences to one beacon; allowed: two beacons or more")
         if self.unknown and self.ranges is None:
-            raise MissionError("beacons at unknown places without ranges; allowed: with ranges, by which they are found")
+            raise MissionError(
+                "beacons at unknown places without ranges; allowed: with ranges, which find them"
+            )
 
     @property
     def unknown(self) -> tuple[int, ...]:

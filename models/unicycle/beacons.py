@@ -87,9 +87,7 @@ class BeaconMission(UnicycleMotion):
         if self.range_differences is not None and len(self.beacons) < 2:
             raise MissionError("range differences to one beacon; allowed: two beacons or more")
         if self.unknown and self.ranges is None:
-            raise MissionError(
-                "beacons at unknown places without ranges; allowed: with ranges, which find them"
-            )
+            raise MissionError("beacons at unknown places without ranges; allowed: with ranges, which find them")
 
     @property
     def unknown(self) -> tuple[int, ...]:

@@ -193,7 +193,7 @@ class MovingHorizonEstimator:
         elif (lost or not horizon.started) and status is not Status.INITIALISING:
             status = Status.LOST
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
-        extra = {"deviation": deviation, **self._model.extra(self._unknown), **self._counts.extra}
+        extra = {"deviation": deviation, **self._model.extra(self._unknown, P), **self._counts.extra}
         message = waiting(status, "readings that agree")
         if self._monitor is not None:
             status, extra["integrity"] = worst(status, self._monitor.status(t)), np.array([self._monitor.ratio])

@@ -3,6 +3,13 @@
 From an unknown start there is a filter at each place where the first reading can have been made, with each heading.
 Their weights follow the likelihoods of what is read; those that explain it worst are dropped, and those that meet are
 merged, until the weight is at one pose. What two beacons cannot tell apart stays two poses until the robot turns.
+
+A beacon at an unknown place b is taken into the state with its first range y, at each of K directions e on the circle
+on which it must be: b = (x_1, x_2) + rho e, rho = y / (1 + c), with the covariance that follows from that of the state
+and of y, and along the circle that of a Gaussian which overlaps with its neighbours. So each filter becomes K, of which
+the readings leave one, or two: the image of the beacon in a straight path is as likely until the robot turns. The next
+beacon is taken in when few are left. [J. L. Blanco, J. A. Fernandez-Madrigal, J. Gonzalez, Efficient probabilistic
+range-only SLAM, IROS 2008]
 """
 
 from __future__ import annotations
@@ -10,6 +17,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.estimators.beacons.kernels import BEARING, RANGE, STATES, condition, merged, predict
 from mathnavi.estimators.beacons.model import BeaconModel
@@ -21,7 +29,10 @@ _AROUND, _GRID = 48, 14  # places on a circle, or along each side of the box
 _LEAST_WEIGHT = 1e-5  # of the heaviest, below which a filter is dropped
 _MOST = 4000  # filters
 _NEAR = 1.0  # squared Mahalanobis distance at which two are merged
+_ONE = 4.0  # likewise with unknown places: up to it two Gaussians together have one maximum
 _SPREAD = 0.6  # of the distance between two places: standard deviation
+_FEW = 16  # filters, up to which a beacon at an unknown place is taken in
+_UNLIKELY = 1e-3  # weight up to which a filter may have a beacon elsewhere than the others
 
 
 class BeaconBank:
@@ -31,10 +42,13 @@ class BeaconBank:
         """``gate`` is the nu^2 / s at which a filter rejects a reading."""
         self._model, self._gate = model, gate
         self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
-        self.x, self.P, self.weights = np.empty((0, STATES)), np.empty((0, STATES, STATES)), np.empty(0)
+        d = model.size
+        self._near = _ONE if model.mission.unknown else _NEAR
+        self._noise = float(model.errors[RANGE][0]) if RANGE in model.errors else math.inf
+        self.x, self.P, self.weights = np.empty((0, d)), np.empty((0, d, d)), np.empty(0)
         self.seeds: Integers = np.empty(0, dtype=np.int64)
         self.starts: tuple[Array, Array] = self.x, self.P
-        """states (N, 6) and covariances (N, 6, 6) at the start; ``seeds`` are the places of the filters in them"""
+        """states (N, d) and covariances (N, d, d) at the start; ``seeds`` are the places of the filters in them"""
 
     @property
     def begun(self) -> bool:
@@ -42,15 +56,26 @@ class BeaconBank:
         return len(self.weights) > 0
 
     def begin(self, x: Array, P: Array) -> None:
-        """Begin with one filter at a state (6,) with a covariance (6, 6)."""
+        """Begin with one filter at a state (d,) with a covariance (d, d)."""
         self._set(x[None].copy(), P[None].copy())
 
-    def begin_anywhere(self, y: Array) -> None:
-        """Begin with filters wherever the reading y (rows,) can have been made; it is not used itself."""
+    def begin_anywhere(self, y: Array) -> bool:
+        """Begin with filters wherever the reading y (rows,) can have been made; it is not used itself.
+
+        Places that were found stay, as the heaviest filter has them. False if y has no beacon that is known or found.
+        """
         rows = np.flatnonzero(np.isfinite(y))
         entries = [(*self._model.entries[row], float(y[row])) for row in rows]
+        entries = [each for each in entries if self._model.says(*each[:2])]
+        if not entries:
+            return False
         ranges = [each for each in entries if each[0] == RANGE]
-        places = self._model.places
+        state, found, places = self._model.state(np.zeros(3)), None, self._model.places
+        if self.begun:
+            state, found = self.x[self.best].copy(), self.P[self.best, STATES:, STATES:]
+            at = np.flatnonzero(self._model.columns >= 0)
+            places = places.copy()
+            places[at] = state[STATES:].reshape(-1, 2)
         if ranges:
             _, i, rho = min(ranges, key=lambda each: each[2])
             angles = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
@@ -72,11 +97,69 @@ class BeaconBank:
         else:
             facing, turn = np.tile(headings, (len(points), 1)), np.full(len(points), turned)
         count = facing.shape[1]
-        x = np.zeros((len(points) * count, STATES))
+        state[3:STATES] = 0.0
+        x = np.tile(state, (len(points) * count, 1))
         x[:, :2], x[:, 2] = np.repeat(points, count, axis=0), facing.ravel()
         deviations = np.column_stack([_SPREAD * apart, _SPREAD * apart, _SPREAD * turn])
         P = np.array([self._model.covariance(each) for each in deviations])
+        if found is not None:
+            P[:, STATES:, STATES:] = found
         self._set(x, np.repeat(P, count, axis=0))
+        return True
+
+    def take_in(self, i: int, y: float) -> bool:
+        """Take beacon i, at an unknown place, into the state by a range y [m]; False for too many filters."""
+        if len(self.weights) > _FEW:
+            return False
+        k, count = int(self._model.columns[i]), len(self.weights) * _AROUND
+        x, P = np.repeat(self.x, _AROUND, axis=0), np.repeat(self.P, _AROUND, axis=0)
+        angles = np.tile(2.0 * np.pi * np.arange(_AROUND) / _AROUND, len(self.weights))
+        e = np.column_stack([np.cos(angles), np.sin(angles)])
+        along = np.column_stack([-e[:, 1], e[:, 0]])
+        scale = 1.0 + x[:, 5]
+        rho = y / scale
+        absolute, relative, *_ = self._errors[RANGE]
+        across = np.hypot(absolute, relative * rho) / scale
+        spread = _SPREAD * np.maximum(2.0 * math.pi * rho / _AROUND, 1e-2)
+        x[:, k : k + 2] = x[:, :2] + rho[:, None] * e
+        G = np.zeros((count, 2, self._model.size))
+        G[:, :, :2] = np.eye(2)
+        G[:, :, 5] = -(rho / scale)[:, None] * e
+        P[:, k : k + 2, :] = P[:, :, k : k + 2] = 0.0
+        cross = G @ P
+        P[:, k : k + 2, :] = cross
+        P[:, :, k : k + 2] = cross.transpose(0, 2, 1)
+        noise = across[:, None, None] ** 2 * e[:, :, None] * e[:, None, :]
+        P[:, k : k + 2, k : k + 2] = (
+            cross @ G.transpose(0, 2, 1) + noise + (spread[:, None, None] ** 2 * along[:, :, None] * along[:, None, :])
+        )
+        self.x, self.P = x, P
+        self.weights, self.seeds = np.repeat(self.weights / _AROUND, _AROUND), np.repeat(self.seeds, _AROUND)
+        self._model.placed[i] = True
+        return True
+
+    def forget(self, i: int) -> None:
+        """Forget the place of beacon i, which its readings contradict."""
+        k, nothing = int(self._model.columns[i]), self._model.covariance(np.zeros(3))
+        self.x[:, k : k + 2] = self._model.state(np.zeros(3))[k : k + 2]
+        self.P[:, k : k + 2, :] = self.P[:, :, k : k + 2] = 0.0
+        self.P[:, k : k + 2, k : k + 2] = nothing[k : k + 2, k : k + 2]
+        self._model.placed[i] = False
+
+    def places_found(self, within: float, *, alone: bool = False) -> NDArray[np.bool_]:
+        """Whether (n,) the place of each beacon is known, or found to a standard deviation of ``within`` [m] over all
+        filters; with ``alone`` all but unlikely ones must have it within so much of their mean.
+        """
+        found = self._model.placed.copy()
+        likely = self.weights > _UNLIKELY
+        x, P = self.moments() if self.begun else (np.empty(0), np.empty(0))
+        for i in np.flatnonzero(found & (self._model.columns >= 0)).tolist():
+            k = int(self._model.columns[i])
+            found[i] = float(np.trace(P[k : k + 2, k : k + 2])) <= within**2
+            if alone:
+                off = self.x[likely, k : k + 2] - x[k : k + 2]
+                found[i] &= bool((np.hypot(off[:, 0], off[:, 1]) <= within).all())
+        return found
 
     def _set(self, x: Array, P: Array) -> None:
         self.x, self.P = x, P
@@ -88,12 +171,19 @@ class BeaconBank:
         predict(self.x, self.P, u[0], u[1], h, u[2], u[3])
 
     def condition(self, y: Array) -> list[tuple[int, float, float, float]]:
-        """Condition on a reading y (rows,); row, nu, s and beta of the heaviest filter for each entry that was read."""
+        """Condition on a reading y (rows,); row, nu, s and beta of the heaviest filter for each entry that was used."""
         answers = []
         for row in np.flatnonzero(np.isfinite(y)).tolist():
             kind, i = self._model.entries[row]
+            if not self._model.says(kind, i):
+                if kind == RANGE:
+                    self.take_in(i, float(y[row]))
+                continue
             logs, found = np.log(np.maximum(self.weights, 1e-300)), np.empty((len(self.x), 3))
-            condition(self.x, self.P, logs, float(y[row]), kind, i, self._model.places, self._errors[kind], found)
+            condition(
+                self.x, self.P, logs, float(y[row]), kind, i, self._model.places, self._model.columns,
+                self._errors[kind], found,
+            )  # fmt: skip
             nu, s, beta = found[int(np.argmax(logs))].tolist()
             answers.append((row, nu, s, beta))
             if len(logs) > 1:
@@ -108,7 +198,7 @@ class BeaconBank:
             kept = kept[np.argsort(-weights[kept], kind="stable")[:_MOST]]
         x, P, weights, seeds = self.x[kept], self.P[kept], weights[kept], self.seeds[kept]
         if len(weights) <= _MOST // 4:
-            x, P, weights, places = merged(x, P, weights, _NEAR)
+            x, P, weights, places = merged(x, P, weights, self._near, self._noise)
             seeds = seeds[places]
         self.x, self.P, self.weights, self.seeds = x, P, weights / weights.sum(), seeds
 
@@ -127,7 +217,7 @@ class BeaconBank:
         return poses, scores
 
     def moments(self) -> tuple[Array, Array]:
-        """Mean (6,) and covariance (6, 6) of all; headings relative to that of the heaviest."""
+        """Mean (d,) and covariance (d, d) of all; headings relative to that of the heaviest."""
         if len(self.weights) == 1:
             return self.x[0].copy(), 0.5 * (self.P[0] + self.P[0].T)
         middle = self.x[self.best]

@@ -1,11 +1,15 @@
 """The plug-in ``beacon_bank``: the pose of a unicycle from odometry and readings of beacons, each at its own time.
 
+Beacons at unknown places are found together with the pose: in the frame of the known start, or of the known beacons.
+
 A bank of extended Kalman filters (``bank``) finds an unknown start; once one pose is left it is one filter. It begins
 again, from anywhere, where its readings contradict it for long, or where it has not read a beacon for so long that it
 knows next to nothing.
 
     INITIALISING   until position and heading are known: their standard deviations, over all filters that are left,
-                   are at most a share ``found`` of the surroundings and 20 degrees
+                   are at most a share ``found`` of the surroundings and 20 degrees; and until all unknown
+                   beacons that are read are at one place each, likewise. One that is first read later says nothing
+                   until it is found.
     LOST           without a reading for ``timeout``, and from a new beginning on until the pose is found again
     DEGRADED       without odometry for ``timeout``; while innovations are larger or less random than declared
 """
@@ -15,9 +19,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.estimators.beacons.bank import BeaconBank
 from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
@@ -39,6 +43,7 @@ _RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of
 _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is not known any more
 _SHARE = 3.0  # standard deviations by which more readings may be refused than are declared as outliers
 _COUNTED = 100  # readings over which that is
+_SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
 _SHOWN = 16  # hypotheses that an estimate carries
 
 
@@ -58,14 +63,12 @@ class BeaconFilter:
     """Estimator of the pose from beacons or landmarks and odometry: a bank of Kalman filters that finds the start."""
 
     Config = BeaconBankConfig
-    figures: ClassVar[Mapping[str, tuple[str, ...]]] = {
-        "scales": ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
-    }
 
     def __init__(self, config: BeaconBankConfig, mission: BeaconMission) -> None:
         self.period = mission.period
         self.model = BeaconModel(mission)
         self.bank = BeaconBank(self.model, chi_square_gate(config.gate))
+        self.figures: Mapping[str, tuple[str, ...]] = {"scales": _SCALES, **self.model.figures}
         self._stages, self.counts = StageBuilder(self.model), ReadingCounts()
         interval = mission.interval or mission.period
         self._beacons = TimeoutMonitor(config.timeout, interval)
@@ -74,8 +77,10 @@ class BeaconFilter:
         self._fits = InnovationMean(chi_square_gate(config.gate))
         self._farthest = config.found * mission.longest  # [m]
         self._outliers = max(quality.outliers for quality in mission.qualities if quality is not None)
-        self.found = mission.start is not None
-        """whether the pose is known"""
+        self.found = mission.start is not None and not mission.unknown
+        """whether the pose is known, and at first the places of the beacons"""
+        self._read = np.zeros(len(mission.beacons), dtype=int)  # number of readings of each beacon
+        self._refused_of: tuple[deque[bool], ...] = tuple(deque(maxlen=_RECENT) for _ in mission.beacons)
         self.begun_at = 0
         """number of stages with readings up to the one at which the filters began, itself among them"""
         self._stage = 0
@@ -129,7 +134,9 @@ class BeaconFilter:
         ``extra["nis"]`` (2,) is NIS and the number of readings in it, NaN where there was no update,
         ``extra["hypotheses"]`` (16, 3) the poses of the heaviest filters and ``extra["scores"]`` (16,) the logarithms
         of their weights over the largest, NaN where there are fewer; ``extra["scales"]`` (3,) the scale errors of
-        speed, turn rate and ranges; ``extra`` also counts the readings that were not used.
+        speed, turn rate and ranges; ``extra`` also counts the readings that were not used. With beacons at unknown
+        places ``extra["beacons"]`` (2 n,) [m] are the places of all, two numbers each, NaN until one is found, and
+        ``extra["beacons_covariance"]`` (2 n, 2 n) [m^2] is their covariance, that of known ones zero.
         """
         self._count(measurements)
         if any(self.model.odometry(each) is not None for each in measurements):
@@ -156,25 +163,30 @@ class BeaconFilter:
             elif reason is not Unused.NOT_FINITE or not np.isnan(each.value).all():
                 self.counts.add(reason)
 
-    def _begin(self, y: Array | None) -> None:
+    def _begin(self, y: Array | None) -> bool:
         started = self.model.start(None) if y is None else None
         if started is not None:
             self.bank.begin(*started)
-        elif y is not None:
-            self.bank.begin_anywhere(y)
+        elif y is None or not self.bank.begin_anywhere(y):
+            return False
         self._used, self.begun_at = 0, self._stage
         self._refused.clear()
+        for each in self._refused_of:
+            each.clear()
+        return True
 
     def _take(self, t: float, y: Array) -> None:
         """Condition on the readings y (rows,) of t [s]."""
-        if not self.bank.begun or (self._is_unknown() and self.found):
+        if (not self.bank.begun or (self._is_unknown() and self.found)) and self._begin(y):
             self._again = self._again or self.found
             self.found = False
-            self._begin(y)
+        if not self.bank.begun:
+            return
         known = self.found
         answers = self.bank.condition(y)
         squares = np.array([nu * nu / s for _, nu, s, _ in answers])
-        refused = np.array([beta < 0.5 for *_, beta in answers])
+        refused = np.array([beta < 0.5 for *_, beta in answers], dtype=bool)
+        self._note_unknown(y, answers, refused)
         self._used += len(answers)
         self._refused.extend(refused.tolist())
         good = ~refused
@@ -196,10 +208,23 @@ class BeaconFilter:
                 self._beacons.restart(t)
             self._again = False
         recent = list(self._refused)[-_RECENT:]
-        if len(recent) == _RECENT and sum(recent) >= _REFUSED:
+        if len(recent) == _RECENT and sum(recent) >= _REFUSED and self._begin(y):
             self._again, self.found = self._again or self.found, False
-            self._begin(y)
             self.bank.condition(y)
+
+    def _note_unknown(
+        self, y: Array, answers: Sequence[tuple[int, float, float, float]], refused: NDArray[np.bool_]
+    ) -> None:
+        """Count what is read of each beacon, and forget the place of one whose readings contradict it for long."""
+        for row in np.flatnonzero(np.isfinite(y)).tolist():
+            self._read[self.model.entries[row][1]] += 1
+        for (row, *_), out in zip(answers, refused.tolist(), strict=True):
+            i = self.model.entries[row][1]
+            own = self._refused_of[i]
+            own.append(out)
+            if self.model.columns[i] >= 0 and len(own) == _RECENT and sum(own) >= _REFUSED:
+                own.clear()
+                self.bank.forget(i)
 
     def _noise(self, row: int, s: float) -> float:
         """Variance of the reading itself, at most s."""
@@ -215,7 +240,11 @@ class BeaconFilter:
         if self._used < _FEWEST:
             return False
         _, P = self.bank.moments()
-        return float(P[0, 0] + P[1, 1]) <= self._farthest**2 and float(P[2, 2]) <= _HEADING**2
+        places = self.bank.places_found(self._farthest, alone=True)
+        if self.model.mission.unknown and not places.any():
+            return False
+        places |= self._read == 0
+        return float(P[0, 0] + P[1, 1]) <= self._farthest**2 and float(P[2, 2]) <= _HEADING**2 and bool(places.all())
 
     def _is_unknown(self) -> bool:
         _, P = self.bank.moments()
@@ -225,7 +254,7 @@ class BeaconFilter:
         if not self.bank.begun:
             low, high = self.model.mission.box
             deviations = np.array([*(high - low) / math.sqrt(12.0), math.pi / math.sqrt(3.0)])
-            x, P = np.concatenate([0.5 * (low + high), np.zeros(4)]), self.model.covariance(deviations)
+            x, P = self.model.state(np.array([*(0.5 * (low + high)), 0.0])), self.model.covariance(deviations)
         else:
             x, P = self.bank.moments()
             P = P * self._monitor.inflation
@@ -235,21 +264,37 @@ class BeaconFilter:
             "nis": self._nis.copy(),
             "hypotheses": poses,
             "scores": scores,
-            "scales": x[3:].copy(),
+            "scales": x[3:6].copy(),
+            **self._places(x, P),
             **self.counts.extra,
         }
         return Estimate(t, x[:3].copy(), P[:3, :3].copy(), status, extra, message)
+
+    def _places(self, x: Array, P: Array) -> Mapping[str, Array]:
+        """What is published of the beacons' places: those that are found."""
+        found, extra = self.bank.places_found(self._farthest), self.model.extra(x, P)
+        missing = np.repeat(~found, 2)
+        for values in extra.values():
+            values[missing] = np.nan
+            if values.ndim == 2:
+                values[:, missing] = np.nan
+        return extra
 
     def _status(self, t: float, P: Array) -> tuple[Status, str]:
         status = self._beacons.status(t, P)
         if status is Status.INITIALISING:
             return status, waiting(status, "beacons")
-        if status is Status.LOST:
+        if status is Status.LOST and (self.found or self._again or not self.model.mission.unknown):
             return status, ""
         if not self.found:
             if self._again:
                 return Status.LOST, "looks for its pose"
-            return Status.INITIALISING, "waits until one pose is left"
+            lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
+            return Status.INITIALISING, (
+                f"waits until the beacons {', '.join(map(str, lacking))} are at one place each"
+                if len(lacking)
+                else "waits until one pose is left"
+            )
         odometry = Status.OK if self.model.mission.odometry_is_input else self._odometry.status(t)
         odometry = Status.OK if odometry is Status.INITIALISING else odometry
         found = worst(status, odometry, self._monitor.status(t))

@@ -1,8 +1,9 @@
 """Extended Kalman filters of a unicycle that reads beacons, several side by side, compiled.
 
 The state is the pose with three constant errors, (x_1, x_2, phi, b_1, b_2, c): those of the odometry's scale,
-u_i = (1 - b_i) u_i_measured, and that of all ranges, (1 + c) rho. The odometry also has white noise, so that what it
-adds over h [s] has the covariance h diag(w_1, w_2) in (distance, turn). With F, G the derivatives of the exact motion,
+u_i = (1 - b_i) u_i_measured, and that of all ranges, (1 + c) rho; the places of beacons that are not known come after
+them, two numbers each, d in all. The odometry also has white noise, so that what it adds over h [s] has the covariance
+h diag(w_1, w_2) in (distance, turn). With F, G the derivatives of the exact motion,
 
     P <- A P A' + G diag(w) G' / h.
 
@@ -29,6 +30,7 @@ from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.kernels import motion, wrapped
 
 STATES = 6
+"""number of the states that are not places of beacons"""
 RANGE, BEARING, DIFFERENCE = 0, 1, 2
 """kinds of readings"""
 _NEAREST = 1e-3  # [m] distance of a beacon within which its direction is not known
@@ -37,12 +39,12 @@ _MOST_UNLIKELY = 700.0  # logarithm of a density at which it is nought
 
 @njit(cache=True, nogil=True)
 def predict(x: Array, P: Array, u_1: float, u_2: float, h: float, w_1: float, w_2: float) -> None:
-    """Move states x (N, 6) with covariances P (N, 6, 6) for h [s] by odometry u [m/s, rad/s], in place.
+    """Move states x (N, d) with covariances P (N, d, d) for h [s] by odometry u [m/s, rad/s], in place.
 
     ``w_1`` [m^2/s] and ``w_2`` [rad^2/s] are the densities of its noise.
     """
-    A = np.eye(STATES)
-    Q = np.zeros((STATES, STATES))
+    A = np.eye(x.shape[1])
+    Q = np.zeros((x.shape[1], x.shape[1]))
     for n in range(len(x)):
         v_1, v_2 = (1.0 - x[n, 3]) * u_1, (1.0 - x[n, 4]) * u_2
         dx, dy, gx_1, gy_1, gx_2, gy_2 = motion(x[n, 2], v_1, v_2, h)
@@ -63,12 +65,12 @@ def predict(x: Array, P: Array, u_1: float, u_2: float, h: float, w_1: float, w_
 
 @njit(cache=True, nogil=True)
 def transition(x: Array, u_1: float, u_2: float, h: float, w_1: float, w_2: float) -> tuple[Array, Array, Array]:
-    """State (6,) after h [s] from x (6,), its Jacobian A (6, 6) and the covariance Q (6, 6); as ``predict``."""
-    after, Q = x.copy().reshape(1, STATES), np.zeros((1, STATES, STATES))
+    """State (d,) after h [s] from x (d,), its Jacobian A (d, d) and the covariance Q (d, d); as ``predict``."""
+    after, Q = x.copy().reshape(1, len(x)), np.zeros((1, len(x), len(x)))
     predict(after, Q, u_1, u_2, h, w_1, w_2)
     v_1, v_2 = (1.0 - x[3]) * u_1, (1.0 - x[4]) * u_2
     dx, dy, gx_1, gy_1, gx_2, gy_2 = motion(x[2], v_1, v_2, h)
-    A = np.eye(STATES)
+    A = np.eye(len(x))
     A[0, 2], A[1, 2] = -dy, dx
     A[0, 3], A[1, 3] = -gx_1 * u_1, -gy_1 * u_1
     A[0, 4], A[1, 4], A[2, 4] = -gx_2 * u_2, -gy_2 * u_2, -h * u_2
@@ -76,47 +78,76 @@ def transition(x: Array, u_1: float, u_2: float, h: float, w_1: float, w_2: floa
 
 
 @njit(cache=True, nogil=True)
-def expected(x: Array, kind: int, i: int, places: Array) -> tuple[float, Array, Array, float]:
-    """Reading of beacon i of ``places`` (n, 2) at a state x (6,), its gradient H (6,), its second derivative D (2, 2)
-    by the position, and the distance [m] on which its noise depends.
+def offset(x: Array, i: int, places: Array, columns: Integers) -> tuple[float, float, float]:
+    """Vector [m] from the robot to beacon i, and its length."""
+    k = columns[i]
+    b_1, b_2 = (places[i, 0], places[i, 1]) if k < 0 else (x[k], x[k + 1])
+    return b_1 - x[0], b_2 - x[1], math.hypot(b_1 - x[0], b_2 - x[1])
 
-    The gradient is zero if the robot is at the beacon.
+
+@njit(cache=True, nogil=True)
+def _add(H: Array, D: Array, k: int, g_1: float, g_2: float, d_11: float, d_12: float, d_22: float) -> None:
+    """Add a gradient g and a second derivative by the offset of a beacon, which is its place, in the state from ``k``
+    on unless that is negative, less that of the robot.
     """
-    H, D = np.zeros(STATES), np.zeros((2, 2))
-    dx, dy = places[i, 0] - x[0], places[i, 1] - x[1]
-    rho = math.hypot(dx, dy)
+    H[0] -= g_1
+    H[1] -= g_2
+    for a in (0, k):
+        if a < 0:
+            continue
+        for b in (0, k):
+            if b >= 0:
+                sign = 1.0 if a == b else -1.0
+                D[a, b] += sign * d_11
+                D[a, b + 1] += sign * d_12
+                D[a + 1, b] += sign * d_12
+                D[a + 1, b + 1] += sign * d_22
+    if k >= 0:
+        H[k] += g_1
+        H[k + 1] += g_2
+
+
+@njit(cache=True, nogil=True)
+def expected(x: Array, kind: int, i: int, places: Array, columns: Integers) -> tuple[float, Array, Array, float]:
+    """Reading of beacon i at a state x (d,), its gradient H (d,), its second derivative D (d, d) by the positions, and
+    the distance [m] on which its noise depends.
+
+    ``places`` (n, 2) are those of the beacons, and ``columns`` (n,) where in the state that is which is not known, -1
+    where it is. The gradient is zero if the robot is at the beacon.
+    """
+    H, D = np.zeros(len(x)), np.zeros((len(x), len(x)))
+    dx, dy, rho = offset(x, i, places, columns)
     if rho < _NEAREST:
         return rho, H, D, rho
     e_1, e_2 = dx / rho, dy / rho
     if kind == BEARING:
-        H[0], H[1], H[2] = e_2 / rho, -e_1 / rho, -1.0
         per = 1.0 / (rho * rho)
-        D[0, 0], D[0, 1], D[1, 1] = 2.0 * e_1 * e_2 * per, (e_2 * e_2 - e_1 * e_1) * per, -2.0 * e_1 * e_2 * per
-        D[1, 0] = D[0, 1]
+        _add(
+            H, D, columns[i], -e_2 / rho, e_1 / rho,
+            2.0 * e_1 * e_2 * per, (e_2 * e_2 - e_1 * e_1) * per, -2.0 * e_1 * e_2 * per,
+        )  # fmt: skip
+        H[2] = -1.0
         return wrapped(math.atan2(dy, dx) - x[2]), H, D, rho
     scale = 1.0 + x[5]
-    H[0], H[1], H[5] = -scale * e_1, -scale * e_2, rho
-    D[0, 0], D[0, 1], D[1, 1] = scale * e_2 * e_2 / rho, -scale * e_1 * e_2 / rho, scale * e_1 * e_1 / rho
+    per = scale / rho
+    _add(H, D, columns[i], scale * e_1, scale * e_2, per * e_2 * e_2, -per * e_1 * e_2, per * e_1 * e_1)
     if kind == DIFFERENCE:
-        fx, fy = places[0, 0] - x[0], places[0, 1] - x[1]
-        first = math.hypot(fx, fy)
+        fx, fy, first = offset(x, 0, places, columns)
         if first < _NEAREST:
-            return scale * (rho - first), np.zeros(STATES), np.zeros((2, 2)), rho
-        f_1, f_2 = fx / first, fy / first
-        H[0], H[1], H[5] = H[0] + scale * f_1, H[1] + scale * f_2, rho - first
-        D[0, 0] -= scale * f_2 * f_2 / first
-        D[0, 1] += scale * f_1 * f_2 / first
-        D[1, 1] -= scale * f_1 * f_1 / first
+            return scale * (rho - first), np.zeros(len(x)), np.zeros((len(x), len(x))), rho
+        f_1, f_2, per = fx / first, fy / first, scale / first
+        _add(H, D, columns[0], -scale * f_1, -scale * f_2, -per * f_2 * f_2, per * f_1 * f_2, -per * f_1 * f_1)
         rho -= first
-    D[1, 0] = D[0, 1]
+    H[5] = rho
     return scale * rho, H, D, abs(rho)
 
 
 @njit(cache=True, nogil=True)
 def condition(
-    x: Array, P: Array, log_weights: Array, y: float, kind: int, i: int, places: Array, errors: Array, found: Array
-) -> None:
-    """Condition states x (N, 6) with covariances P (N, 6, 6) on a reading y of beacon i, in place.
+    x: Array, P: Array, log_weights: Array, y: float, kind: int, i: int, places: Array, columns: Integers,
+    errors: Array, found: Array,
+) -> None:  # fmt: skip
+    """Condition states x (N, d) with covariances P (N, d, d) on a reading y of beacon i, in place; as ``expected``.
 
     ``log_weights`` (N,) grow by the logarithms of the likelihoods. ``errors`` (5,) are the absolute and the relative
     deviation of the reading, epsilon, L, and the nu^2 / s from which a reading is rejected even with epsilon = 0.
@@ -124,15 +155,15 @@ def condition(
     """
     absolute, relative, epsilon, L, gate = errors[0], errors[1], errors[2], errors[3], errors[4]
     for n in range(len(x)):
-        h, H, D, rho = expected(x[n], kind, i, places)
+        h, H, D, rho = expected(x[n], kind, i, places, columns)
         noise = absolute * absolute + (relative * rho) ** 2
         PH = P[n] @ H
-        DP = D @ np.ascontiguousarray(P[n, :2, :2])
+        DP = D @ P[n]
         nu = y - h
         if kind == BEARING:
             nu = wrapped(nu)
-        nu -= 0.5 * (DP[0, 0] + DP[1, 1])
-        s = H @ PH + noise + 0.5 * (DP[0, 0] * DP[0, 0] + 2.0 * DP[0, 1] * DP[1, 0] + DP[1, 1] * DP[1, 1])
+        nu -= 0.5 * np.trace(DP)
+        s = H @ PH + noise + 0.5 * (DP * DP.T).sum()
         square = nu * nu / s
         log_density = -0.5 * (square + math.log(2.0 * math.pi * s)) + math.log1p(-epsilon)
         density = math.exp(max(log_density, -_MOST_UNLIKELY))
@@ -145,45 +176,59 @@ def condition(
             x[n] += beta * nu / s * PH
             x[n, 2] = wrapped(x[n, 2])
             kept = beta - beta * (1.0 - beta) * square
-            for j in range(STATES):
-                for k in range(STATES):
+            for j in range(len(H)):
+                for k in range(len(H)):
                     P[n, j, k] -= kept * PH[j] * PH[k] / s
         found[n, 0], found[n, 1], found[n, 2] = nu, s, beta
 
 
 @njit(cache=True, nogil=True)
-def merged(x: Array, P: Array, weights: Array, near: float) -> tuple[Array, Array, Array, Integers]:
-    """States, covariances and weights after each that is within ``near`` of a heavier one was merged with that.
+def _places_meet(d: Array, x: Array, P: Array, near: float, noise: float) -> bool:
+    """True if all places in a difference d (d,) from a state x (d,) are near by its covariance P; see ``merged``."""
+    for k in range(STATES, len(d), 2):
+        a, b, c = P[k, k], P[k, k + 1], P[k + 1, k + 1]
+        square = c * d[k] * d[k] - 2.0 * b * d[k] * d[k + 1] + a * d[k + 1] * d[k + 1]
+        rho = math.hypot(x[k] - x[0], x[k + 1] - x[1])
+        if square >= near * (a * c - b * b) or d[k] * d[k] + d[k + 1] * d[k + 1] >= 2.0 * rho * noise:
+            return False
+    return True
 
-    ``near`` is a squared Mahalanobis distance of the pose by the covariance of the heavier one. The last array holds
-    the places of those that were kept among the given ones.
+
+@njit(cache=True, nogil=True)
+def merged(x: Array, P: Array, weights: Array, near: float, noise: float) -> tuple[Array, Array, Array, Integers]:
+    """States, covariances and weights after each that is near a heavier one was merged with that.
+
+    Near are those within a squared Mahalanobis distance of ``near``, by the covariance of the heavier one, of the pose
+    and of each of the places in the state; places also must be so near that the circle about the robot departs from its
+    chord between them by less than ``noise`` [m] / 4. The last array holds where those that were kept are among the
+    given ones.
     """
-    order, count = np.argsort(-weights), len(weights)
+    order, count, size = np.argsort(-weights), len(weights), x.shape[1]
     taken, kept = np.zeros(count, dtype=np.bool_), 0
     x_out, P_out, w_out = np.empty_like(x), np.empty_like(P), np.empty(count)
     places = np.empty(count, dtype=np.int64)
-    d = np.empty(STATES)
+    d = np.empty(size)
     for a in range(count):
         i = order[a]
         if taken[i]:
             continue
         taken[i] = True
         inverse = np.linalg.inv(np.ascontiguousarray(P[i, :3, :3]))
-        total, mean, square = weights[i], np.zeros(STATES), np.zeros((STATES, STATES))
+        total, mean, square = weights[i], np.zeros(size), np.zeros((size, size))
         square += weights[i] * P[i]
         for b in range(a + 1, count):
             j = order[b]
             if taken[j]:
                 continue
-            for k in range(STATES):
+            for k in range(size):
                 d[k] = x[j, k] - x[i, k]
             d[2] = wrapped(d[2])
-            if d[:3] @ (inverse @ d[:3]) < near:
+            if d[:3] @ (inverse @ d[:3]) < near and _places_meet(d, x[i], P[i], near, noise):
                 taken[j] = True
                 total += weights[j]
-                for k in range(STATES):
+                for k in range(size):
                     mean[k] += weights[j] * d[k]
-                    for m in range(STATES):
+                    for m in range(size):
                         square[k, m] += weights[j] * (P[j, k, m] + d[k] * d[m])
         mean /= total
         x_out[kept] = x[i] + mean

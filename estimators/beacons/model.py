@@ -1,7 +1,8 @@
 """The robot that reads beacons as a ``StagewiseModel``, for its filter and its smoother.
 
-The state is that of ``kernels``: the pose, the scale errors of the odometry and that of the ranges. A reading of a
-stage is an array with the entries of all sensors in the order of their kinds, NaN where one is missing.
+The state is that of ``kernels``: the pose, the scale errors of the odometry and that of the ranges, and the places of
+beacons that are not known, about which nothing is known at the start. A reading of a stage is an array with the entries
+of all sensors in the order of their kinds, NaN where one is missing.
 
 Odometry is the mean input since the reading of odometry before. Where beacons are read in between, the last odometry
 is held until then, and what remains of the motion is made up for once the odometry is there: distance and turn over
@@ -19,7 +20,7 @@ import numpy as np
 from mathnavi.estimators.beacons.kernels import BEARING, DIFFERENCE, STATES, expected, transition
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.estimators.timeout_monitor import is_late
-from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.errors import ArgumentError, MissionError
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.angles import wrapped
@@ -36,14 +37,26 @@ _ANYHOW, _LASTS = 0.5, 1.0  # of its limits: how it may move without odometry, a
 
 
 class BeaconModel:
-    """Model of pose and scale errors (x_1, x_2, phi, b_1, b_2, c) [m, m, rad, -, -, -]."""
+    """Model of pose, scale errors and m unknown places (x_1, x_2, phi, b_1, b_2, c, places) [m, m, rad, -, -, -, m].
 
-    size = STATES
+    Raises MissionError if neither the start nor the place of a beacon is known.
+    """
 
     def __init__(self, mission: BeaconMission) -> None:
         self.mission = mission
         self.places = mission.places
         self._n = len(self.places)
+        self.columns = np.full(self._n, -1)
+        """where (n,) in the state the place of each beacon is; -1 for one that is known"""
+        self.columns[list(mission.unknown)] = STATES + 2 * np.arange(len(mission.unknown))
+        self.placed = self.columns < 0
+        """whether (n,) a place is known or was found, so that readings of the beacon say something of the pose"""
+        if mission.start is None and not self.placed.any():
+            raise MissionError(
+                "neither the start nor the place of a beacon is known, so that nothing says in what frame the pose is; "
+                "allowed: start=KnownStart((0, 0, 0)), the frame of the robot's start, or a beacon at a known place"
+            )
+        self.size = STATES + 2 * len(mission.unknown)
         self._kinds = [kind for kind, quality in enumerate(mission.qualities) if quality is not None]
         self.names = tuple((RANGES, BEARINGS, DIFFERENCES)[kind] for kind in self._kinds)
         """names of the sensors of beacons"""
@@ -80,16 +93,24 @@ class BeaconModel:
         known = self.mission.start
         if known is None:
             return None
-        return np.array([*known.pose, 0.0, 0.0, 0.0]), self.covariance(np.array(known.deviation))
+        return self.state(np.array(known.pose)), self.covariance(np.array(known.deviation))
 
     def begin(self, x: Array, P: Array) -> None:
-        """Take a state (6,) and its covariance (6, 6) for the start that is not known."""
+        """Take a state (d,) and its covariance (d, d) for the start that is not known."""
         self._begun = x.copy(), P.copy()
 
     def covariance(self, deviation: Array) -> Array:
-        """Covariance (6, 6) of a pose known to standard deviations (3,), and of scale errors as declared."""
-        P: Array = np.diag(np.square([*deviation, *self.scales]))
+        """Covariance (d, d) of a pose known to standard deviations (3,), of scale errors as declared, and of places of
+        which nothing is known.
+        """
+        nothing = [self.mission.longest] * (self.size - STATES)
+        P: Array = np.diag(np.square([*deviation, *self.scales, *nothing]))
         return P
+
+    def state(self, pose: Array) -> Array:
+        """State (d,) at a pose (3,), without scale errors, with unknown places in the middle of the surroundings."""
+        middle = np.mean(self.mission.box, axis=0)
+        return np.concatenate([pose, np.zeros(3), np.tile(middle, (self.size - STATES) // 2)])
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         h = end - begin
@@ -159,16 +180,20 @@ class BeaconModel:
 
     # ---- equations
 
+    def says(self, kind: int, i: int) -> bool:
+        """True if a reading of beacon i says something of the pose: its place is known or found."""
+        return bool(self.placed[i] and (kind != DIFFERENCE or self.placed[0]))
+
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         after: tuple[Array, Array, Array] = transition(x, u[0], u[1], h, u[2], u[3])
         return after
 
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
-        r, W = np.full(self.rows, np.nan), np.full((self.rows, STATES), np.nan)
+        r, W = np.full(self.rows, np.nan), np.full((self.rows, self.size), np.nan)
         for row in np.flatnonzero(np.isfinite(y)):
             kind, i = self.entries[row]
-            h, H, _, rho = expected(x, kind, i, self.places)
-            if not H.any():
+            h, H, _, rho = expected(x, kind, i, self.places, self.columns)
+            if not H.any() or not self.says(kind, i):
                 continue
             absolute, relative, *_ = self.errors[kind]
             sigma = math.hypot(absolute, relative * rho)
@@ -188,11 +213,32 @@ class BeaconModel:
 
     def limits(self, x: Array) -> tuple[Array, Array]:
         """Limits of the error: the scale errors are within six standard deviations."""
-        high = np.concatenate([np.full(3, np.inf), np.maximum(_LARGEST * self.scales, 1e-9)])
+        high = np.full(self.size, np.inf)
+        high[3:STATES] = np.maximum(_LARGEST * self.scales, 1e-9)
         return -high - x, high - x
 
-    def extra(self, x: Array) -> Mapping[str, Array]:
-        return NOTHING
+    def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
+        """Places and their covariance, NaN for one that was not found, if some are not known.
+
+        ``beacons`` (2 n,) [m] are the places of all beacons, two numbers each, ``beacons_covariance`` (2 n, 2 n) [m^2].
+        """
+        if not self.mission.unknown:
+            return NOTHING
+        places, covariance = self.places.ravel().copy(), np.zeros((2 * self._n, 2 * self._n))
+        found = [i for i in self.mission.unknown if self.placed[i]]
+        at = np.array([[2 * i, 2 * i + 1] for i in found], dtype=np.int64).ravel()
+        columns = np.array([[self.columns[i], self.columns[i] + 1] for i in found], dtype=np.int64).ravel()
+        places[at] = x[columns]
+        covariance[np.ix_(at, at)] = P[np.ix_(columns, columns)]
+        missing = np.isnan(places)
+        covariance[missing, :] = covariance[:, missing] = np.nan
+        return {"beacons": places, "beacons_covariance": covariance}
+
+    @property
+    def figures(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the numbers of ``extra``."""
+        names = tuple(f"beacon {i}, x_{axis} [m]" for i in range(self._n) for axis in (1, 2))
+        return {"beacons": names} if self.mission.unknown else {}
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[:3].copy(), P[:3, :3].copy()

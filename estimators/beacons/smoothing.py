@@ -1,11 +1,20 @@
-"""The start of a smoother over a whole run, which the filter finds: where it begins, of all places that it tried."""
+"""The start of a smoother over a whole run, which the filter finds: where it begins, of all places that it tried.
+
+Of beacons at unknown places it takes where the filter found them at last, b^, and that nothing is known of them at the
+start, so that no reading counts twice. Readings are linearised there, however far off the few first ones put a beacon:
+
+    h(x, b) = h(x, b^) + dh/db (x, b^) (b - b^).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+
 from mathnavi.estimators.beacons.bank import BeaconBank
+from mathnavi.estimators.beacons.kernels import STATES
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
@@ -18,6 +27,7 @@ class Finder(Protocol):
     """A filter that finds an unknown start."""
 
     bank: BeaconBank
+    model: BeaconModel
     found: bool
     begun_at: int
     """number of stages with readings up to the one at which its filters began"""
@@ -33,31 +43,52 @@ class StartFindingModel(BeaconModel):
     def __init__(self, mission: BeaconMission, finder: Finder) -> None:
         super().__init__(mission)
         self._finder = finder
+        self._found: Array | None = None  # (2 m,) [m] unknown places, as found
         self._waits = 0  # stages with readings before the start
+
+    @property
+    def _knows_all(self) -> bool:
+        return self.mission.start is not None and not self.mission.unknown
 
     def prepare(self, samples: Sequence[tuple[float, Sequence[Measurement], Array]]) -> None:
         """Find the start in a run, of time [s], readings and input each; ArgumentError if it is not found.
 
         Of the poses that its first reading allows it is the one from which a filter leads to the pose that is left.
         """
-        if self.mission.start is not None:
+        if self._knows_all:
             return
-        finder = self._finder
+        finder, bank = self._finder, self._finder.bank
         for t, measurements, command in samples:
             finder.update(t, measurements, command)
-            if finder.found and finder.bank.weights.max() > _SURE:
+            if not self.mission.unknown and finder.found and _shares(bank).max() > _SURE:
                 break
-        else:
+        if not finder.found or _shares(bank).max() <= _SURE:
             raise ArgumentError("the run does not say where it begins; allowed: one in which the filter finds the pose")
-        seed = int(finder.bank.seeds[finder.bank.best])
-        x, P = finder.bank.starts
-        self.begin(x[seed], P[seed])
+        seed, (x, P) = int(_shares(bank).argmax()), bank.starts
+        start, covariance = x[seed].copy(), P[seed].copy()
+        start[STATES:] = self._found = bank.x[bank.best, STATES:].copy()
+        nothing = self.covariance(np.zeros(3))
+        covariance[STATES:], covariance[:, STATES:] = nothing[STATES:], nothing[:, STATES:]
+        self.placed = finder.model.placed.copy()
+        self.begin(start, covariance)
         self._waits = finder.begun_at - 1
 
     def start(self, reading: Array | None) -> tuple[Array, Array] | None:
-        if self.mission.start is not None:
+        if self.mission.start is not None:  # before the first reading too
             return super().start(reading)
         if reading is None:
             return None
         self._waits -= 1
         return super().start(reading) if self._waits < 0 else None
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        if self._found is None:
+            return super().residual(x, y)
+        r, W = super().residual(np.concatenate([x[:STATES], self._found]), y)
+        return r - W[:, STATES:] @ (x[STATES:] - self._found), W
+
+
+def _shares(bank: BeaconBank) -> Array:
+    """Weight of the filters that began at each place."""
+    shares: Array = np.bincount(bank.seeds, bank.weights, minlength=1)
+    return shares

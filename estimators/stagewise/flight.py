@@ -81,7 +81,7 @@ class FlightModel:
         high[6:] = max(self._mission.gust.limit, 3.0 * self._axis.gust_rms)
         return -high - x, high - x
 
-    def extra(self, x: Array) -> Mapping[str, Array]:
+    def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
         return {"gust": x[6:].copy()}
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:

@@ -97,7 +97,7 @@ class LagrangianModel:
         high = np.full(self.size, np.inf)
         return -high, high
 
-    def extra(self, x: Array) -> Mapping[str, Array]:
+    def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
         return NOTHING
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:

@@ -118,7 +118,7 @@ class MissileModel:
         high[self.rows :] = _LARGEST * self._disturbance
         return -high - x, high - x
 
-    def extra(self, x: Array) -> Mapping[str, Array]:
+    def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
         return {"disturbance": np.array(self._input_of(x)).ravel()}
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:

@@ -65,8 +65,8 @@ class StagewiseModel(Protocol):
         """Least and largest errors (d,) at x that the mission allows, infinite without a limit."""
         ...
 
-    def extra(self, x: Array) -> Mapping[str, Array]:
-        """Further arrays of an ``Estimate`` at a state x (nx,)."""
+    def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
+        """Further arrays of an ``Estimate`` at a state x (nx,) with the covariance P (d, d) of its errors."""
         ...
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:

@@ -93,7 +93,7 @@ class RangingModel:
         high = np.array([np.inf, np.inf, np.inf, max(_LARGEST * self._bias, 1e-9)])
         return -high - x, high - x
 
-    def extra(self, x: Array) -> Mapping[str, Array]:
+    def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
         return NOTHING
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ A causal estimator uses the readings so far; this one uses the whole run, which 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -43,6 +43,12 @@ class RecordedSmoother:
         self._config, self._model = config, model
         self._states: SmoothedStates | None = None
 
+    @property
+    def figures(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the further figures of its estimates."""
+        named: Mapping[str, tuple[str, ...]] = getattr(self._model, "figures", {})
+        return named
+
     def smooth(self, samples: Iterable[Sample]) -> None:
         """Smooth a run.
 
@@ -69,10 +75,12 @@ class RecordedSmoother:
         """
         assert self._states is not None, "the run was not smoothed yet"
         k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
-        x, P = self._model.reported(self._states.x[max(k, 0)], self._states.P[max(k, 0)])
+        state, covariance = self._states.x[max(k, 0)], self._states.P[max(k, 0)]
+        x, P = self._model.reported(state, covariance)
         if P is not None:
             P = 0.5 * (P + P.T)
-        return Estimate(t, x, P, self._status(t) if k >= 0 and len(self._read) else Status.INITIALISING)
+        extra = self._model.extra(state, covariance)
+        return Estimate(t, x, P, self._status(t) if k >= 0 and len(self._read) else Status.INITIALISING, extra)
 
     def _status(self, t: float) -> Status:
         """Status at t [s], which is after the first stage."""

@@ -1,4 +1,4 @@
-"""The task of a unicycle that reads beacons or landmarks: points whose places are known.
+"""The task of a unicycle that reads beacons or landmarks: points whose places are known, or not.
 
 A pose is x = (x_1, x_2, phi) [m, m, rad], an input u = (u_1, u_2), the speed [m/s] and the turn rate [rad/s]. Of beacon
 i at b_i, at the distance rho_i = |b_i - (x_1, x_2)|, a robot reads one or more of
@@ -34,9 +34,9 @@ LEAST_NOISE = 1e-4  # [m, rad] least noise that an estimator assumes of a readin
 
 Place = tuple[float, float]
 Places = Annotated[
-    tuple[Place, ...],
+    tuple[Place | None, ...],
     Condition(bool, "one beacon or more"),
-    Each(Condition(lambda place: all(map(math.isfinite, place)), "finite places")),
+    Each(Condition(lambda place: place is None or all(map(math.isfinite, place)), "finite places, None if not known")),
 ]
 
 
@@ -55,13 +55,13 @@ class BeaconQuality:
 
 @configuration
 class BeaconMission(UnicycleMotion):
-    """A robot that reads beacons at ``beacons`` (n, 2) [m].
+    """A robot that reads beacons at ``beacons`` (n, 2) [m], of which those that are None are at places to be found.
 
-    Raises MissionError if it reads nothing, if two beacons are at the same place, and for range differences to fewer
-    than two beacons.
+    Raises MissionError if it reads nothing, if two beacons are at the same place, for range differences to fewer than
+    two beacons, and for beacons at unknown places without ranges, by which they are found.
     """
 
-    beacons: Places  # (n, 2) [m]
+    beacons: Places  # (n, 2) [m]; None: not known
     ranges: BeaconQuality | None = None  # None: it does not read them
     bearings: BeaconQuality | None = None
     range_differences: BeaconQuality | None = None  # to beacon 0, whose own is not read
@@ -71,7 +71,8 @@ class BeaconMission(UnicycleMotion):
     odometry_is_input: bool = False
     """whether the inputs of a log are the odometry, each from its time to the next, in place of readings"""
     start: KnownStart | None = None  # None: anywhere
-    surroundings: Positive = 10.0  # [m] by which the robot may be outside the box around all beacons
+    surroundings: Positive = 10.0
+    """[m] by which the robot and a beacon to be found may be outside the box around all known beacons and the start"""
     interval: Positive | None = None  # [s] between readings of beacons; the period if not given
     speed_max: Positive = 1.0  # [m/s]
     turn_rate_max: Positive = 2.0  # [rad/s]
@@ -80,10 +81,18 @@ class BeaconMission(UnicycleMotion):
     def __post_init__(self) -> None:
         if all(quality is None for quality in self.qualities):
             raise MissionError(f"the robot reads nothing of its beacons; allowed: {RANGES}, {BEARINGS}, {DIFFERENCES}")
-        if len(set(self.beacons)) < len(self.beacons):
+        known = [place for place in self.beacons if place is not None]
+        if len(set(known)) < len(known):
             raise MissionError(f"beacons = {self.beacons!r} holds one place twice; allowed: different places")
         if self.range_differences is not None and len(self.beacons) < 2:
             raise MissionError("range differences to one beacon; allowed: two beacons or more")
+        if self.unknown and self.ranges is None:
+            raise MissionError("beacons at unknown places without ranges; allowed: with ranges, which find them")
+
+    @property
+    def unknown(self) -> tuple[int, ...]:
+        """Numbers of the beacons whose places are not known."""
+        return tuple(i for i, place in enumerate(self.beacons) if place is None)
 
     @property
     def qualities(self) -> tuple[BeaconQuality | None, ...]:
@@ -97,14 +106,17 @@ class BeaconMission(UnicycleMotion):
 
     @property
     def places(self) -> Array:
-        """Places (n, 2) [m] of the beacons."""
-        return np.array(self.beacons, dtype=np.float64)
+        """Places (n, 2) [m] of the beacons, NaN where they are not known."""
+        return np.array([(math.nan, math.nan) if place is None else place for place in self.beacons])
 
     @property
     def box(self) -> tuple[Array, Array]:
         """Least and largest position (2,) [m] at which the robot may be at the start."""
-        places = self.places
-        return places.min(axis=0) - self.surroundings, places.max(axis=0) + self.surroundings
+        places = [place for place in self.beacons if place is not None]
+        if self.start is not None and self.unknown:
+            places.append(self.start.pose[:2])
+        corners = np.array(places or [(0.0, 0.0)])
+        return corners.min(axis=0) - self.surroundings, corners.max(axis=0) + self.surroundings
 
     @property
     def longest(self) -> float:

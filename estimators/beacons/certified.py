@@ -45,12 +45,11 @@ class BeaconCertified:
     """Estimator of the pose from beacons that is OK only if no other pose explains the last ranges."""
 
     Config = BeaconCertifiedConfig
-    figures = BeaconFilter.figures
 
     def __init__(self, config: BeaconCertifiedConfig, mission: BeaconMission) -> None:
         self._bank = BeaconFilter(BeaconBankConfig(timeout=config.timeout), mission)
         self._every = config.every
-        self.period = self._bank.period
+        self.period, self.figures = self._bank.period, self._bank.figures
         self._certificate = BeaconCertificate(config.certificate, mission)
         self._found: BeaconCertification | None = None
         self._located = mission.start is not None
@@ -58,8 +57,10 @@ class BeaconCertified:
 
     @staticmethod
     def build(config: BeaconCertifiedConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconCertified:
-        """Build the estimator of one run. Raises MissionError for a robot that does not read ranges."""
+        """Build the estimator of one run. Raises MissionError without ranges, and for beacons at unknown places."""
         known = beacons_of(mission)
+        if known.unknown:
+            raise MissionError(f"beacons = {known.beacons!r} with beacon_certified; allowed: places that are known")
         if known.ranges is None:
             raise MissionError("beacon_certified without ranges to beacons; allowed: a mission with `ranges`")
         return BeaconCertified(config, known)

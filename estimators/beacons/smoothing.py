@@ -90,5 +90,4 @@ class StartFindingModel(BeaconModel):
 
 def _shares(bank: BeaconBank) -> Array:
     """Weight of the filters that began at each place."""
-    shares: Array = np.bincount(bank.seeds, bank.weights, minlength=1)
-    return shares
+    return np.asarray(np.bincount(bank.seeds, bank.weights, minlength=1), dtype=np.float64)

@@ -263,7 +263,9 @@ class RangingMission(UnicycleMotion):
         if not self.is_mounted:
             return self.curve.ranges(pose, self.alpha)[0]
         begin = np.column_stack((self.origins(pose), np.full(self.sensors, pose[2])))
-        return np.concatenate([self.curve.ranges(at, angle)[0] for at, angle in zip(begin, self.alpha[:, None], strict=True)])
+        return np.concatenate(
+            [self.curve.ranges(at, angle)[0] for at, angle in zip(begin, self.alpha[:, None], strict=True)]
+        )
 
     @property
     def start_pose(self) -> Array:

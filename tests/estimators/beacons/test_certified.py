@@ -156,3 +156,9 @@ def test_from_two_beacons_on_a_straight_drive_the_plug_in_is_never_ok_and_says_w
 def test_without_ranges_it_is_refused() -> None:
     with pytest.raises(MissionError, match="beacon_certified without ranges"):
         BeaconCertified.build(BeaconCertified.Config(), mission(ranges=None, bearings=mn.BeaconQuality(0.02)))
+
+
+def test_beacons_at_unknown_places_certify_nothing() -> None:
+    task = dataclasses.replace(mission(), start=mn.KnownStart(START), beacons=(*TWO, None))
+    with pytest.raises(MissionError, match="allowed: places that are known"):
+        BeaconCertified.build(BeaconCertified.Config(), task)

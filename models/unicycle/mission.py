@@ -263,7 +263,8 @@ class RangingMission(UnicycleMotion):
         if not self.is_mounted:
             return self.curve.ranges(pose, self.alpha)[0]
         begin = np.column_stack((self.origins(pose), np.full(self.sensors, pose[2])))
-        return np.concatenate([self.curve.ranges(at, [angle])[0] for at, angle in zip(begin, self.angles, strict=True)])
+        each = (self.curve.ranges(at, np.array([angle]))[0] for at, angle in zip(begin, self.angles, strict=True))
+        return np.concatenate(list(each))
 
     @property
     def start_pose(self) -> Array:

@@ -32,7 +32,9 @@ def rays_at(angles: Sequence[float] | Array, places: Sequence[tuple[float, float
     """Rays (l, 3) [rad, m, m] at ``angles`` (l,) [rad] off the heading: with the place where each begins, ahead of the
     middle of the axle and to its left. There is one for all or one for each; () is the middle of the axle.
     """
-    return np.column_stack((angles, np.broadcast_to(places or (0.0, 0.0), (len(angles), 2))))
+    rays = np.zeros((len(angles), 3))  # in the order of C, as kernels are compiled for
+    rays[:, 0], rays[:, 1:] = angles, places or (0.0, 0.0)
+    return rays
 
 
 @inner_njit(nogil=True)

@@ -179,7 +179,7 @@ def _attitude(axes: Axes, rows: Sequence[Row]) -> None:
     axes.set_yticks(range(len(trials)), [trial.partition("_")[0] for trial in trials], fontsize=6)
     axes.invert_yaxis()
     axes.set(xlabel="error of the inclination, RMS [°]", ylabel="trial", xlim=(0.0, None))
-    axes.legend(fontsize=7, loc="lower right")
+    axes.legend(fontsize=7, loc="upper right")
 
 
 @dataclass(frozen=True)

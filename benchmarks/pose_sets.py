@@ -70,7 +70,7 @@ class Answers(NamedTuple):
 
 
 class RoomFindings(NamedTuple):
-    """What was found in a room."""
+    """Answers of both methods in a room."""
 
     ours: Answers
     rival: Answers | None

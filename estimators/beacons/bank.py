@@ -148,7 +148,7 @@ class BeaconBank:
 
     def places_found(self, within: float, *, alone: bool = False) -> NDArray[np.bool_]:
         """Whether (n,) the place of each beacon is known, or found to a standard deviation of ``within`` [m] over all
-        filters; with ``alone`` all but unlikely ones must have it within so much of their mean.
+        filters; with ``alone`` all but unlikely ones must have it within that of their mean.
         """
         found = self._model.placed.copy()
         likely = self.weights > _UNLIKELY

@@ -37,7 +37,7 @@ class BeaconCertifiedConfig:
     every: Positive = 1.0
     """time between two certificates [s]"""
     timeout: Positive = 5.0
-    """as that of beacon_bank [s]"""
+    """time without a beacon after which the estimate is lost, and without odometry after which it is degraded [s]"""
     certificate: BeaconCertificateConfig = field(default_factory=BeaconCertificateConfig)
 
 

@@ -271,7 +271,7 @@ class BeaconFilter:
         return Estimate(t, x[:3].copy(), P[:3, :3].copy(), status, extra, message)
 
     def _places(self, x: Array, P: Array) -> Mapping[str, Array]:
-        """What is published of the beacons' places: those that are found."""
+        """Published places of the beacons: those that are found."""
         found, extra = self.bank.places_found(self._farthest), self.model.extra(x, P)
         missing = np.repeat(~found, 2)
         for values in extra.values():

@@ -47,7 +47,7 @@ class BeaconModel:
         self.places = mission.places
         self._n = len(self.places)
         self.columns = np.full(self._n, -1)
-        """where (n,) in the state the place of each beacon is; -1 for one that is known"""
+        """index (n,) in the state of the place of each beacon; -1 for one that is known"""
         self.columns[list(mission.unknown)] = STATES + 2 * np.arange(len(mission.unknown))
         self.placed = self.columns < 0
         """whether (n,) a place is known or was found, so that readings of the beacon say something of the pose"""

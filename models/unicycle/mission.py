@@ -253,7 +253,7 @@ class RangingMission(UnicycleMotion):
         return rays_at(self.angles, self.mounting)
 
     def origins(self, pose: Array) -> Array:
-        """Where the rays begin (l, 2) [m] at a pose (3,)."""
+        """Origins (l, 2) [m] of the rays at a pose (3,)."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         begin: Array = pose[:2] + self.rays[:, 1:] @ np.array([[c, s], [-s, c]])
         return begin

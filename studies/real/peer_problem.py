@@ -31,7 +31,7 @@ class Sight(NamedTuple):
 
 
 class PeerProblem(NamedTuple):
-    """What is known of a drive, pose by pose."""
+    """Knowledge of a drive, pose by pose."""
 
     t: Array  # (n,) [s]
     truth: Array  # (n, 3) poses of the reference

@@ -214,8 +214,9 @@ class RangingMission(UnicycleMotion):
             raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
 
     def check_exact(self, name: str) -> None:
-        """Raise MissionError if walls may be off, or rays begin elsewhere, for a part ``name`` whose theorem needs the
-        true place of the walls, and rays from the middle of the axle.
+        """Raise MissionError if walls may be off, or rays do not begin at the axle, for a part ``name``.
+
+        Its theorem needs the true place of the walls, and rays from the middle of the axle.
         """
         if self.is_mounted:
             raise MissionError(f"mounting = {self.mounting!r} with {name}; allowed: (), at the middle of the axle")

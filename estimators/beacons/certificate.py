@@ -66,9 +66,8 @@ class BeaconCertificateConfig:
 class BeaconCertification(Certification):
     """Result of a certificate."""
 
-    bounds: (
-        Array  # (2,) [m, rad] within which of the estimate every pose is that explains the ranges; NaN if not certified
-    )
+    bounds: Array
+    """(2,) [m, rad] of the estimate within which every pose is that explains the ranges; NaN if not certified"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,6 +151,8 @@ def test_from_two_beacons_on_a_straight_drive_the_plug_in_is_never_ok_and_says_w
         said.append(estimator.update(t, read, np.zeros(2)))
     assert {each.status for each in said} == {mn.Status.DEGRADED}, "its start is known, so it may be used"
     assert "other poses" in said[-1].message
+    assert said[-1].extra["certified"] == [0.0]
+    assert np.isnan([each.extra["bounds"] for each in said]).all(), "nothing bounds a pose that is not certified"
 
 
 def test_without_ranges_it_is_refused() -> None:

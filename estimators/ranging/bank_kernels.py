@@ -57,7 +57,7 @@ from mathnavi.estimators.ranging.kalman_kernels import (
 )
 from mathnavi.estimators.ranging.noise_kernels import NoiseSums, learn_noise, noise_of, remember
 from mathnavi.estimators.ranging.reading_kernels import is_within, select_ranges
-from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, learn_correlation
 from mathnavi.interfaces.compiled import Signature, njit
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array, combined, named
 from mathnavi.interfaces.signals import Array, Integers
@@ -78,7 +78,6 @@ _LEAK = 0.02  # delta
 _AVERAGING = 0.97  # mu
 _UNDECLARED, _DECLARED = 0.02, 1e-4  # least deviations of b: sigma_0, as wheels are made; and of a filter, not zero
 _AVERAGED = math.sqrt((1.0 - _AVERAGING) / (1.0 + _AVERAGING))  # sqrt v
-_REMEMBERED = 1.0 - 1.0 / 2000.0  # of a sum of products, per ray
 _NEAR = 0.1  # [m, rad] least deviation of a pose that was fitted, for what is not linear
 _LARGEST = 4.0  # magnitude of a product n m / sqrt v, beyond which it is cut
 
@@ -200,7 +199,7 @@ def condition_each(
             innovations.outliers[1] += innovations.outliers[0]
             innovations.misfits[1] += innovations.misfits[0]
             if polygonal:
-                _learn_correlation(innovations)
+                learn_correlation(innovations)
             learn_noise(
                 noise, bank.recent[k], bank.readings[k], innovations.residual, innovations.variance, sensors.longest
             )
@@ -212,20 +211,6 @@ def condition_each(
     for k in range(len(score)):
         score[k] -= greatest
     return best, nis_of[best], rays_of[best]
-
-
-@njit(cache=True, nogil=True)
-def _learn_correlation(innovations: Innovations) -> None:
-    """Update the sums of products, in place, by the residuals of an update."""
-    fits, products = innovations.fits, innovations.products
-    for i in range(fits.shape[1]):
-        now, before = fits[0, i], fits[1, i]
-        if math.isnan(now):
-            continue
-        if not math.isnan(before):
-            products[0] = _REMEMBERED * products[0] + now * before
-            products[1] = _REMEMBERED * products[1] + 0.5 * (now * now + before * before)
-        fits[1, i] = now
 
 
 @njit(cache=True, nogil=True)

@@ -28,10 +28,7 @@ the best from then on. If there is none, the robot was carried away, or no hypot
 are made from the last readings, and compete with the old one.
 
 **Buildings.** Within a polygon a ray may end on one of several walls (``wall_choice_kernels``), and the map may lack
-what stands there. While a third of the recent ranges or more are not those of the pose that is estimated, it is
-``DEGRADED``. What the map is wrong by stays from one scan to the next, which the filters take for independent: with the
-correlation r of the residuals of a ray with those before, learned while the bank runs, its covariance is that of an
-autoregressive error of first order, (1 + r) / (1 - r) times theirs.
+what stands there, or be wrong (``map_fit``).
 """
 
 from __future__ import annotations
@@ -62,8 +59,8 @@ from mathnavi.estimators.ranging.bank_kernels import (
 )
 from mathnavi.estimators.ranging.confirmation import Confirmation, replayed_calls
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
-from mathnavi.estimators.ranging.kalman_kernels import no_innovations
 from mathnavi.estimators.ranging.last_readings import LastReadings
+from mathnavi.estimators.ranging.map_fit import MapFit
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.noise_kernels import WINDOW, declared_noise, noise_of
 from mathnavi.estimators.ranging.reader import RangeReader
@@ -75,7 +72,6 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 
@@ -92,10 +88,6 @@ _TEMPERED = 0.1  # power of a likelihood in the weights
 _TWICE = 2.0  # times the weight of all others that the best hypothesis has where the pose is known
 _ALIKE = float(chdtri(3, 0.01))  # d' P^-1 d below which another hypothesis is within the errors of the best
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
-_RECENT = 16.0  # readings over which the share of those that are not explained is averaged
-_CORRELATION, _PRIOR = 0.4, 50.0  # r at first, as at SLAM's poses on maps of scans, and the readings that it counts as
-_MOST_CORRELATED = 0.8  # r at most
-_MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
 
 
 @configuration
@@ -154,7 +146,6 @@ class FeasibleSetBank:
         self._candidates[:, 3] = 0.0
         self._nothing = mission.start_pose
         self._bank = no_hypotheses(config.hypotheses, mission.sensors, WINDOW)
-        self._innovations = no_innovations(mission.sensors)
         self._best = 0
         # Ranges may be read more seldom than odometry, or in turn: what is older than the timeout is of no use.
         kept = max(config.readings, math.ceil(config.timeout / mission.period - 1e-9))
@@ -165,8 +156,7 @@ class FeasibleSetBank:
         self._confirmation = Confirmation(
             self._model, self._last, self._candidates, self._symmetry, is_known=mission.start is not None
         )
-        self._is_polygon = isinstance(mission.curve, Polygon)
-        self._misfits = 0.0  # share of recent readings that the best hypothesis does not explain, in a polygon
+        self._fit = MapFit(mission)  # of the best hypothesis
         if mission.start is not None:
             self._bank.x[0], self._bank.P[0] = self._model.start()
             declare_scale(self._bank, 1, self._model.scale)
@@ -235,16 +225,6 @@ class FeasibleSetBank:
         return self._estimate(t, nis)
 
     @property
-    def _correlated(self) -> float:
-        """Variance of the mean of correlated errors of ranges over that of independent ones; one within a curve."""
-        if not self._is_polygon:
-            return 1.0
-        product, square = (float(each) for each in self._innovations.products)
-        rho = (_CORRELATION * _PRIOR + product) / (_PRIOR + square)
-        rho = min(max(rho, 0.0), _MOST_CORRELATED)
-        return (1.0 + rho) / (1.0 - rho)
-
-    @property
     def _is_alive(self) -> bool:
         return not np.isnan(self._bank.score[self._best])
 
@@ -282,20 +262,19 @@ class FeasibleSetBank:
         return calls, alive & (2 * often >= often.max()) & (often > 0)
 
     def _condition(self, rho: Array) -> Array:
-        before = self._best
+        before, innovations = self._best, self._fit.innovations
         self._best, nis, rays = condition_each(
-            self._bank, before, rho, self._model.wall, self._sensors, self._noise, self._scoring, self._innovations
+            self._bank, before, rho, self._model.wall, self._sensors, self._noise, self._scoring, innovations
         )
         if self._best != before:
             self._confirmation.change()
         drop(self._bank, self._best, self._scoring, self._symmetry)
         if rays:
-            misfits = self._innovations.misfits[1] / rays
-            self._misfits += (1.0 - math.exp(-rays / _RECENT)) * (misfits - self._misfits)
-            self._innovations.misfits[1] = 0
-        if outliers := self._innovations.outliers[1]:
+            self._fit.note(int(innovations.misfits[1]), rays)
+            innovations.misfits[1] = 0
+        if outliers := innovations.outliers[1]:
             self._reader.counts.add(Unused.OUTLIER, int(outliers))
-            self._innovations.outliers[1] = 0
+            innovations.outliers[1] = 0
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
     def _start(self) -> None:
@@ -368,21 +347,19 @@ class FeasibleSetBank:
         }
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra, self._waits_to_start())
-        P = self._correlated * covariance_of(bank, best)
+        P = self._fit.inflation * covariance_of(bank, best)
         doubts = np.nansum(weights[apart(bank, best, self._symmetry, _ALIKE)])
         is_known = weights[best] >= _TWICE * doubts
         message = "" if is_known else f"waits for motion: {np.isfinite(weights).sum()} poses explain the ranges so far"
         if is_known and not self._is_confirmed(P):
             is_known, message = False, "waits for motion: the readings do not confirm the pose yet"
-        status = self._reader.status(t, P) if is_known else Status.INITIALISING
-        if status is Status.OK and self._misfits >= _MANY:
-            status = Status.DEGRADED
+        status = self._fit.judged(self._reader.status(t, P)) if is_known else Status.INITIALISING
         return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
 
     def _is_confirmed(self, P: Array) -> bool:
         bank, best, (sigma, outliers) = self._bank, self._best, noise_of(self._noise)
-        sensors = self._sensors.noisier(max(sigma, 1.0) if self._is_polygon else sigma, outliers)
-        others = self._confirmation.attempt(bank, best, P, sensors, self._config.misfit, self._correlated)
+        sensors = self._sensors.noisier(max(sigma, 1.0) if self._fit.has_corners else sigma, outliers)
+        others = self._confirmation.attempt(bank, best, P, sensors, self._config.misfit, self._fit.inflation)
         add(bank, best, others.states, others.covariances, self._symmetry)
         return self._confirmation.is_confirmed
 

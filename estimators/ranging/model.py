@@ -127,6 +127,12 @@ class Gate:
         self._squares = squares
         return passed
 
+    def passed(self, squares: Array) -> None:
+        """Take the nu^2 / s (l,) of rays that a filter has weighed itself, NaN where a ray was lost."""
+        if beyond := int((squares > self._limit).sum()):
+            self._counts.add(Unused.OUTLIER, beyond)
+        self._squares = squares
+
     def agrees(self, converged: bool) -> bool:
         """True if the rays of the last readings fit an estimate, which is not asked of one that has ``converged``."""
         return self._innovations.fits(self._squares[np.isfinite(self._squares)], converged)

@@ -1,7 +1,9 @@
 """Common part of the extended Kalman filters of a pose: one Gaussian, conditioned on the rays of a reading.
 
 State, motion and errors are those of ``kalman_kernels``. If the start is unknown a filter begins at the centre with the
-covariance of a pose that may be anywhere.
+covariance of a pose that may be anywhere. Within a polygon a ray jumps at its corners, where a filter that linearises
+follows the wrong wall: there the update is that of ``wall_choice_kernels``, in which the probability that a good range
+is refused is the share of outliers where fewer are declared, and the estimate is that of a map (``map_fit``).
 
 **filterpy's extended Kalman filter for a robot that reads ranges**: the baseline of the other filters.
 
@@ -30,17 +32,20 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
-from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.integrity.guard import COST, Guarded
 from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.invariant.lie_groups import SE2
 from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
 from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
+from mathnavi.estimators.ranging.map_fit import MapFit
+from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, learn_correlation
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -64,18 +69,23 @@ class PoseFilterConfig:
 class PoseFilter(ABC):
     """An estimator of the pose from ranges and odometry, whose errors are linearised about the estimate."""
 
-    Config = PoseFilterConfig
+    Config: ClassVar[type[PoseFilterConfig]] = PoseFilterConfig
+    cost = COST
+    """CPU time of an update [s], about"""
 
     def __init__(self, config: PoseFilterConfig, mission: RangingMission) -> None:
         self.period = mission.period
         self._model, self._reader = RangeModel(mission), RangeReader(mission, config.timeout)
         self._gate = Gate(config.gate, mission.sensors, self._reader.counts)
+        self._fit = MapFit(mission)
+        self._sensors = self._model.sensors(chi_square_gate(config.gate))
+        self._sensors = self._sensors.noisier(1.0, max(self._model.outliers, config.gate))
         self._t = mission.begins  # [s] of the filter's state; None before the first call
 
     @classmethod
     def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Guarded:
         """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(cls, config), mission, finder=pose_finder)
+        return guarded(partial(cls, config), mission, finder=pose_finder, cost=cls.cost)
 
     @staticmethod
     def sensors(config: PoseFilterConfig, mission: RangingMission) -> tuple[Sensor, ...]:
@@ -107,19 +117,34 @@ class PoseFilter(ABC):
         """
         reader = self._reader
         rho, u = reader.read(t, measurements, command)
-        if self._t is not None and t > self._t:
-            self._predict(u, t - self._t)
+        self._predict(u, 0.0 if self._t is None else max(t - self._t, 0.0))
         self._t = t
-        nis = self._condition(rho)
+        nis = self._condition_among_walls(rho) if self._fit.has_corners else self._condition(rho)
         reader.note(t, self._gate.agrees(reader.converged))
-        pose, P = self._pose()
-        P = 0.5 * (P + P.T)
-        status = reader.status(t, P)
-        return Estimate(t, pose, P, status, {"nis": nis, **reader.counts.extra}, waiting(status, "ranges"))
+        x, P = self._state()
+        P = self._fit.inflation * P[:3, :3]
+        status = self._fit.judged(reader.status(t, P))
+        return Estimate(t, x[:3].copy(), P, status, {"nis": nis, **reader.counts.extra}, waiting(status, "ranges"))
+
+    def _condition_among_walls(self, rho: Array) -> Array:
+        """``_condition`` within a polygon; the gate learns of outliers there, and refuses nothing."""
+        (x, P), innovations = self._state(), self._fit.innovations
+        _, nis, rays = condition_among_walls(x, P, rho, self._model.wall, self._sensors, innovations)
+        if rays == 0:
+            return np.full(2, np.nan)
+        learn_correlation(innovations)
+        self._fit.note(int(innovations.misfits[0]), rays)
+        self._gate.passed(np.square(innovations.residual) * innovations.share / innovations.variance)
+        self._set_state(x, P)
+        return np.array([nis, float(rays)])
 
     @abstractmethod
-    def _pose(self) -> tuple[Array, Array]:
-        """Pose (3,) and the covariance (3, 3) of its error."""
+    def _state(self) -> tuple[Array, Array]:
+        """Copies of the state (4,) and of the symmetric covariance (4, 4) of its error."""
+
+    @abstractmethod
+    def _set_state(self, x: Array, P: Array) -> None:
+        """Continue at a state (4,) whose error has the covariance P (4, 4)."""
 
     @abstractmethod
     def _predict(self, u: Array, dt: float) -> None:
@@ -138,8 +163,11 @@ class RangeEkf(PoseFilter):
         self._filter = external_prediction_ekf(STATES, mission.sensors)
         self._filter.x, self._filter.P = self._model.start()
 
-    def _pose(self) -> tuple[Array, Array]:
-        return self._filter.x[:3].copy(), self._filter.P[:3, :3]
+    def _state(self) -> tuple[Array, Array]:
+        return self._filter.x.copy(), symmetric(self._filter.P)
+
+    def _set_state(self, x: Array, P: Array) -> None:
+        self._filter.x, self._filter.P = x, P
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x.copy()
@@ -178,9 +206,13 @@ class RangeIekf(PoseFilter):
         axes = _axes(self._x)
         self._P = axes.T @ P @ axes  # of (xi, b)
 
-    def _pose(self) -> tuple[Array, Array]:
-        axes = _axes(self._x)[:3, :3]
-        return self._x[:3].copy(), axes @ self._P[:3, :3] @ axes.T
+    def _state(self) -> tuple[Array, Array]:
+        axes = _axes(self._x)
+        return self._x.copy(), symmetric(axes @ self._P @ axes.T)
+
+    def _set_state(self, x: Array, P: Array) -> None:
+        axes = _axes(x).T  # whose inverse is its transpose
+        self._x, self._P = x, axes @ P @ axes.T
 
     def _predict(self, u: Array, dt: float) -> None:
         moved = (1.0 - self._x[3]) * dt * np.array([u[0], 0.0, u[1]])
@@ -204,6 +236,12 @@ class RangeIekf(PoseFilter):
         step = step_within(model.wall, x[0], x[1], *offset)
         self._x = np.array([*(x[:2] + step * offset), wrapped(x[2] + step * d[2]), x[3] + step * d[3]])
         return np.array([nis, float(good.sum())])
+
+
+def symmetric(P: Array) -> Array:
+    """The symmetric part (n, n) of a covariance, in the order of C."""
+    half: Array = np.ascontiguousarray(0.5 * (P + P.T))
+    return half
 
 
 def _axes(x: Array) -> Array:

@@ -3,39 +3,30 @@
 State, motion and errors are those of ``kalman_kernels``. Headings are averaged on the circle and their differences
 wrapped. A sigma point outside the wall, where there are no ranges, gets the ranges at the last point within the wall on
 its way from the mean. That and round-off can make a covariance indefinite: the nearest positive definite one is then
-used. If the start is unknown the filter begins at the centre with the covariance of a pose that may be anywhere.
+used. Within a polygon only predictions are unscented: about a jump of a range the sigma points have no mean that any
+pose reads (``pose_filter``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt
 
-from mathnavi.estimators.integrity.guard import Guarded
-from mathnavi.estimators.integrity.ranging import guarded
 from mathnavi.estimators.kalman_steps import square_root
-from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
-from mathnavi.estimators.ranging.reader import RangeReader
-from mathnavi.estimators.timeout_monitor import waiting
-from mathnavi.interfaces.bounds import FINITE, NonNegative, Positive, Probability, configuration
+from mathnavi.estimators.ranging.model import FROM_WHERE, STATES
+from mathnavi.estimators.ranging.pose_filter import PoseFilter, PoseFilterConfig, symmetric
+from mathnavi.interfaces.bounds import FINITE, NonNegative, Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.interfaces.protocols import Sensor
-from mathnavi.interfaces.signals import Array, Estimate, Measurement
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.quality import RangeQuality
-
-_COST = 8e-4  # [s] of an update
 
 
 @configuration
-class RangeUkfConfig:
+class RangeUkfConfig(PoseFilterConfig):
     """Fields of the command line."""
 
     alpha: Positive = 0.5
@@ -44,43 +35,22 @@ class RangeUkfConfig:
     """weight of the centre in the covariance of van der Merwe's scaled set; 2 for a Gaussian"""
     kappa: Annotated[float, Gt(-STATES), FINITE] = 0.0
     """secondary scaling of van der Merwe's scaled set"""
-    gate: Probability = 1e-4
-    """probability that a good range is refused"""
-    timeout: Positive = 0.5
-    """time without a range after which the estimate is lost [s]"""
 
 
-class RangeUkf:
+class RangeUkf(PoseFilter):
     """Estimator of the pose from ranges and odometry: one unscented Kalman filter."""
 
     Config = RangeUkfConfig
+    cost = 8e-4
 
     def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
-        self.period = mission.period
-        self._model, self._reader = RangeModel(mission), RangeReader(mission, config.timeout)
-        self._gate = Gate(config.gate, mission.sensors, self._reader.counts)
+        super().__init__(config, mission)
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()
         self._filter.Q = np.zeros((STATES, STATES))
-        self._t = mission.begins  # [s] of the filter's state; None before the first call
 
     @staticmethod
-    def build(config: RangeUkfConfig, mission: RangingMission) -> Guarded:
-        """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(RangeUkf, config), mission, finder=pose_finder, cost=_COST)
-
-    @staticmethod
-    def sensors(config: RangeUkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """Sensors that the robot has to carry for this estimator."""
-        return mission.sensors_carried()
-
-    @staticmethod
-    def quality(config: RangeUkfConfig, mission: RangingMission) -> RangeQuality:
-        """Declared quality of the ranges."""
-        return mission.ranging
-
-    @staticmethod
-    def properties(config: RangeUkfConfig) -> ObserverProperties:
+    def properties(config: PoseFilterConfig) -> ObserverProperties:
         """Properties of the observer (Table 2.1)."""
         return ObserverProperties(
             domain_of_attraction=Domain.LOCAL,
@@ -93,22 +63,12 @@ class RangeUkf:
             "even on the truth; without noise the covariance shrinks, and the error with it",
         )
 
-    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
+    def _state(self) -> tuple[Array, Array]:
+        U = square_root(self._filter.P)
+        return self._filter.x.copy(), symmetric(U.T @ U)
 
-        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update; ``extra`` also counts
-        the readings that were not used, by ray.
-        """
-        reader = self._reader
-        rho, u = reader.read(t, measurements, command)
-        self._predict(u, 0.0 if self._t is None else t - self._t)
-        self._t = t
-        nis = self._condition(rho)
-        reader.note(t, self._gate.agrees(reader.converged))
-        U = square_root(self._filter.P)[:, :3]
-        P = U.T @ U
-        status, extra = reader.status(t, P), {"nis": nis, **reader.counts.extra}
-        return Estimate(t, self._filter.x[:3].copy(), P, status, extra, waiting(status, "ranges"))
+    def _set_state(self, x: Array, P: Array) -> None:
+        self._filter.x, self._filter.P = x, P
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x

@@ -52,6 +52,10 @@ WEIGHTS = np.array([8.0 / 15.0, 0.2220759220056126, 0.2220759220056126, 0.011257
 """w_j"""
 PASSES = 2
 """passes of an update"""
+_MISMATCHED = 0.02  # probability of an update that takes the walls of another pose
+_OF_MISMATCHED = 0.5  # share of its rays that are misfits then
+_FEWEST_MISFITS = 0.01  # share of misfits otherwise, at least
+_REMEMBERED = 1.0 - 1.0 / 2000.0  # of a sum of products, per ray
 _FITS = 3.0  # deviations that a range is off from a pose that explains it
 
 
@@ -170,7 +174,49 @@ def condition_among_walls(
             x[2] = wrapped(x[2])
         at[:], Q[:] = x, P
     innovations.misfits[0] = _misfits(x, P, z, wall, sensors, innovations.fits[0])
+    _doubt(x, P, before, prior, mismatched(innovations.misfits[0], read, sensors.outliers))
     return likelihood, nis, read
+
+
+@njit(cache=True, nogil=True)
+def mismatched(misfits: int, read: int, outliers: float) -> float:
+    """Probability that an update took the walls of another pose, by its number of misfits among the rays ``read``."""
+    if read == 0 or misfits == 0:
+        return 0.0
+    right = min(max(outliers, _FEWEST_MISFITS), 0.5)
+    odds = _MISMATCHED / (1.0 - _MISMATCHED)
+    odds *= (_OF_MISMATCHED / right) ** misfits * ((1.0 - _OF_MISMATCHED) / (1.0 - right)) ** (read - misfits)
+    return odds / (1.0 + odds)
+
+
+@njit(cache=True, nogil=True)
+def _doubt(x: Array, P: Array, before: Array, prior: Array, probability: float) -> None:
+    """Mix x (4,) and P (4, 4), in place, with those ``before`` the update, of this ``probability``."""
+    if probability == 0.0:
+        return
+    d = np.empty(4)
+    for j in range(4):
+        d[j] = before[j] - x[j]
+    d[2] = wrapped(d[2])
+    for j in range(4):
+        x[j] += probability * d[j]
+        for i in range(4):
+            P[j, i] += probability * (prior[j, i] - P[j, i] + (1.0 - probability) * d[j] * d[i])
+    x[2] = wrapped(x[2])
+
+
+@njit(cache=True, nogil=True)
+def learn_correlation(innovations: Innovations) -> None:
+    """Update the sums of products, in place, by the residuals of an update."""
+    fits, products = innovations.fits, innovations.products
+    for i in range(fits.shape[1]):
+        now, before = fits[0, i], fits[1, i]
+        if math.isnan(now):
+            continue
+        if not math.isnan(before):
+            products[0] = _REMEMBERED * products[0] + now * before
+            products[1] = _REMEMBERED * products[1] + 0.5 * (now * now + before * before)
+        fits[1, i] = now
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,49 @@
+"""How well readings fit a map of a building: how many it does not explain, and how long an error of it lasts.
+
+What stands there and is not on the map makes misfits (``wall_choice_kernels``): while a third of the recent ranges are
+misfits, a pose that fits the others is not to be relied on. What the map is wrong by stays from one scan to the next,
+which a filter takes for independent: with the correlation r of the residuals of a ray with those before, the covariance
+of its estimate is that of an autoregressive error of first order, (1 + r) / (1 - r) times the filter's.
+"""
+
+from __future__ import annotations
+
+import math
+
+from mathnavi.estimators.ranging.kalman_kernels import no_innovations
+from mathnavi.interfaces.signals import Status
+from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.unicycle.mission import RangingMission
+
+_RECENT = 16.0  # readings over which the share of those that are not explained is averaged
+_MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
+_CORRELATION, _PRIOR = 0.4, 50.0  # r at first, as at SLAM's poses on maps of scans, and the readings that it counts as
+_MOST_CORRELATED = 0.8  # r at most
+
+
+class MapFit:
+    """Misfits and correlation of a filter's readings; within a smooth curve there are none."""
+
+    def __init__(self, mission: RangingMission) -> None:
+        self.has_corners = isinstance(mission.curve, Polygon)
+        self.innovations = no_innovations(mission.sensors)
+        """of the last update, written by the kernels"""
+        self._share = 0.0
+
+    def note(self, misfits: int, rays: int) -> None:
+        """Take an update in which ``misfits`` of the ``rays`` that read something were not explained."""
+        if rays and self.has_corners:
+            self._share += (1.0 - math.exp(-rays / _RECENT)) * (misfits / rays - self._share)
+
+    def judged(self, status: Status) -> Status:
+        """The ``status`` of an estimate, ``DEGRADED`` where the map explains too few of the recent readings."""
+        return Status.DEGRADED if status is Status.OK and self._share >= _MANY else status
+
+    @property
+    def inflation(self) -> float:
+        """(1 + r) / (1 - r), the variance of a mean of correlated errors over that of independent ones."""
+        if not self.has_corners:
+            return 1.0
+        product, square = (float(each) for each in self.innovations.products)
+        r = min(max((_CORRELATION * _PRIOR + product) / (_PRIOR + square), 0.0), _MOST_CORRELATED)
+        return (1.0 + r) / (1.0 - r)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -36,6 +36,9 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.system import MODEL_FREE_ESTIMATORS, require_modelled
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.unicycle.mission import RangingMission
+
+if TYPE_CHECKING:
+    from mathnavi.estimators.stagewise.ranging import RangingModel
 
 _MOST = 16.0  # square of a residual that counts
 HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMission
@@ -73,6 +76,7 @@ class MovingHorizonEstimator:
         interval = 1.0 / mission.position_rate if isinstance(mission, FlightMission) else self.period
         self._timeout_monitor = TimeoutMonitor(config.timeout, interval)  # of the readings that agreed
         self._reader = RangeReader(mission, config.timeout) if isinstance(mission, RangingMission) else None
+        self._ranging: RangingModel | None = getattr(model, "ranging", None)
         self._counts = ReadingCounts() if self._reader is None else self._reader.counts
         self._residuals = InnovationMean(_MOST)
         self._t: float | None = None  # [s] of the last call
@@ -192,6 +196,9 @@ class MovingHorizonEstimator:
             status = Status.SOLVER_FAILED
         elif (lost or not horizon.started) and status is not Status.INITIALISING:
             status = Status.LOST
+        if self._ranging is not None:
+            status = self._ranging.fit.judged(status)
+            covariance = None if covariance is None else self._ranging.fit.inflation * covariance
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
         extra = {"deviation": deviation, **self._model.extra(self._unknown, P), **self._counts.extra}
         message = waiting(status, "readings that agree")
@@ -207,6 +214,8 @@ class MovingHorizonEstimator:
     def _test(self, stage: SmootherStage) -> None:
         """Test what was predicted for the readings of a stage."""
         for y, predicted in zip(stage.readings, self._horizon.predicted, strict=False):
+            if self._ranging is not None:
+                self._ranging.compare(self._horizon.x, self._horizon.P, y)
             if self._errors is not None:
                 self._errors.expect(y, predicted.x[: len(y)])
             if self._monitor is not None and len(predicted.r) == self._model.rows:

@@ -10,8 +10,12 @@ from __future__ import annotations
 
 import math
 
-from mathnavi.estimators.ranging.kalman_kernels import no_innovations
-from mathnavi.interfaces.signals import Status
+import numpy as np
+
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, no_innovations
+from mathnavi.estimators.ranging.wall_choice_kernels import learn_correlation, misfits
+from mathnavi.interfaces.signals import Array, Status
+from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 
@@ -30,10 +34,17 @@ class MapFit:
         """of the last update, written by the kernels"""
         self._share = 0.0
 
-    def note(self, misfits: int, rays: int) -> None:
-        """Take an update in which ``misfits`` of the ``rays`` that read something were not explained."""
+    def note(self, unexplained: int, rays: int) -> None:
+        """Take an update in which so many of the ``rays`` that read something were ``unexplained``."""
         if rays and self.has_corners:
-            self._share += (1.0 - math.exp(-rays / _RECENT)) * (misfits / rays - self._share)
+            self._share += (1.0 - math.exp(-rays / _RECENT)) * (unexplained / rays - self._share)
+
+    def compare(self, x: Array, P: Array, rho: Array, wall: WallShape, sensors: RaySensors) -> None:
+        """Take ranges rho (l,) [m] that an estimate x (4,), P (4, 4) of another filter has used."""
+        if self.has_corners:
+            found = misfits(x, P, rho, wall, sensors, self.innovations.fits[0])
+            self.note(found, int(np.isfinite(rho).sum()))
+            learn_correlation(self.innovations)
 
     def judged(self, status: Status) -> Status:
         """The ``status`` of an estimate, ``DEGRADED`` where the map explains too few of the recent readings."""

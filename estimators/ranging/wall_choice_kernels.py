@@ -24,7 +24,12 @@ one line only, then the others. A second pass begins again with the same predict
 finds the walls around the pose that the first one came to, with its covariance (an iterated extended Kalman filter).
 
 A ray is a **misfit** if it ends where the pose after the update does not have it, by more than three deviations: what
-stands in the building and not on the map makes many of them, and the walls that are chosen for them may be wrong.
+stands in the building and not on the map makes some of them, and an update that took the walls of another pose many.
+Of n rays m are misfits with the binomial probability of m by the share epsilon of outliers in the first case, and of
+half of them in the second, which one update in fifty is. By Bayes' rule m tells the probability pi that the walls were
+those of another pose; then the prediction is what is known, so the estimate is the mixture of both:
+
+    x <- (1 - pi) x + pi x-,    P <- (1 - pi) P + pi P- + pi (1 - pi) (x - x-)(x - x-)'.
 """
 
 from __future__ import annotations
@@ -60,13 +65,38 @@ _FITS = 3.0  # deviations that a range is off from a pose that explains it
 
 
 @njit(cache=True, nogil=True)
+def line_seen(
+    coefficients: Array, k: int, q_1: float, q_2: float, beta: float, m_1: float, m_2: float, line: Array
+) -> bool:
+    """Write h [m], H (3,), B, E (``expected_range``) and k into ``line`` (7,): a ray from q = x + (m_1, m_2) at beta,
+    as far as the straight line through wall k. False if it does not meet it, or grazes it.
+    """
+    e_x, e_y = math.cos(beta), math.sin(beta)
+    t_x, t_y = curve_tangent(coefficients, k + 0.5)
+    across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y
+    if across * across < GRAZING**2 * (across * across + along * along):
+        return False
+    c_x, c_y = coefficients[1 + k, 0] - q_1, coefficients[1 + k, 1] - q_2
+    length = (c_x * t_y - c_y * t_x) / across
+    if not length > 0.0:
+        return False
+    line[0] = length
+    line[1], line[2], line[3] = -t_y / across, t_x / across, length * along / across
+    line[4] = -line[3] / length
+    line[5] = length - line[1] * m_1 - line[2] * m_2
+    line[3] += line[2] * m_1 - line[1] * m_2
+    line[6] = k
+    return True
+
+
+@njit(cache=True, nogil=True)
 def walls_met(
     wall: WallShape, x: Array, P: Array, ray: Array, relative: float, absolute: float, lines: Array, weights: Array
 ) -> int:
     """Write the lines on which a ``ray`` (3,) from x (4,), of covariance P (4, 4), may end.
 
-    ``lines`` (5, 6) gets h [m], H (3,), B and E (``expected_range``) of each of them at x, ``weights`` (5,) the
-    probability of each. Returns their number, 0 where the ray has no information.
+    ``lines`` (5, 7) gets each of them as seen from x (``line_seen``), ``weights`` (5,) the probability of each. Returns
+    their number, 0 where the ray has no information.
     """
     coefficients, polyline = wall
     beta, (m_1, m_2) = x[2] + ray[0], mounted(ray, x[2])
@@ -103,19 +133,8 @@ def walls_met(
         if known:
             total += WEIGHTS[n]
             continue
-        t_x, t_y = curve_tangent(coefficients, s)
-        across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y
-        if across * across < GRAZING**2 * (across * across + along * along):
+        if not line_seen(coefficients, k, q_1, q_2, beta, m_1, m_2, lines[count]):
             continue
-        c_x, c_y = coefficients[1 + k, 0] - q_1, coefficients[1 + k, 1] - q_2
-        length = (c_x * t_y - c_y * t_x) / across
-        if not length > 0.0:
-            continue
-        lines[count, 0] = length
-        lines[count, 1], lines[count, 2], lines[count, 3] = -t_y / across, t_x / across, length * along / across
-        lines[count, 4] = -lines[count, 3] / length
-        lines[count, 5] = length - lines[count, 1] * m_1 - lines[count, 2] * m_2
-        lines[count, 3] += lines[count, 2] * m_1 - lines[count, 1] * m_2
         met[count], weights[count] = k, WEIGHTS[n]
         total += WEIGHTS[n]
         count += 1
@@ -134,7 +153,7 @@ def condition_among_walls(
     """
     rays, relative, absolute, gate = sensors.rays, sensors.relative, sensors.absolute, sensors.gate
     likelihood, nis, read = 0.0, 0.0, 0
-    lines, weights, taken = np.empty((len(NODES), 6)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
+    lines, weights, taken = np.empty((len(NODES), 7)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
     prior, before, at, Q, moved = P.copy(), x.copy(), x.copy(), P.copy(), np.zeros(4)
     for _ in range(PASSES):
         likelihood, nis, read = 0.0, 0.0, 0
@@ -173,7 +192,7 @@ def condition_among_walls(
                 x[j] = before[j] + step * (wrapped(x[j] - before[j]) if j == 2 else x[j] - before[j])
             x[2] = wrapped(x[2])
         at[:], Q[:] = x, P
-    innovations.misfits[0] = _misfits(x, P, z, wall, sensors, innovations.fits[0])
+    innovations.misfits[0] = misfits(x, P, z, wall, sensors, innovations.fits[0])
     _doubt(x, P, before, prior, mismatched(innovations.misfits[0], read, sensors.outliers))
     return likelihood, nis, read
 
@@ -220,7 +239,7 @@ def learn_correlation(innovations: Innovations) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors, fits: Array) -> int:
+def misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors, fits: Array) -> int:
     """Number of ranges z (l,) [m] that are more than three deviations off those from a pose x (4,), P (4, 4).
 
     Writes the residuals of the others over their deviations into ``fits`` (l,).
@@ -248,7 +267,7 @@ def _misfits(x: Array, P: Array, z: Array, wall: WallShape, sensors: RaySensors,
 def _condition_on_one(
     moved: Array, P: Array, z: float, Q: Array, sensors: RaySensors, lines: Array, weights: Array
 ) -> tuple[float, float, float, float, float]:
-    """Condition x (4,) and P (4, 4), in place, on a range z [m] of a ray that ends on one of the lines (m, 6).
+    """Condition x (4,) and P (4, 4), in place, on a range z [m] of a ray that ends on one of the lines (m, 7).
 
     Returns the logarithm of the likelihood, nu [m], s and r [m^2] of the most likely line, and the probability that the
     range is no outlier.

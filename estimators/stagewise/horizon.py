@@ -34,7 +34,14 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from mathnavi.estimators.stagewise.model import Piece, SmootherStage, StagewiseModel, advanced, residuals
+from mathnavi.estimators.stagewise.model import (
+    AssociatingModel,
+    Piece,
+    SmootherStage,
+    StagewiseModel,
+    advanced,
+    residuals,
+)
 from mathnavi.estimators.stagewise.smoother import square_root
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.nlp_solver import NlpSolver, SolverOutcome, StageStructure, fatrop_settings
@@ -150,6 +157,7 @@ class MovingHorizon:
     def __init__(self, model: StagewiseModel, stages: int, iterations: int, slope: float) -> None:
         """``slope`` is delta, ``iterations`` is the number of Gauss-Newton iterations at each reading."""
         self._model, self._stages, self._iterations, self._slope = model, stages, iterations, slope
+        self._associating = model if isinstance(model, AssociatingModel) else None
         self._programme = HorizonProgramme(model.size, stages)
         self._nodes: list[_Node] = []
         self._prior: tuple[Array, Array]  # m, P at the first node
@@ -196,8 +204,13 @@ class MovingHorizon:
         else:
             self._append(stage)
         if stage.readings:
-            self._nodes[-1].spread = self._spread(stage)
+            node = self._nodes[-1]
+            node.readings = self._associated(stage.readings)
+            node.spread = self._spread(node)
             self._solve()
+            if self._associating is not None and not self.failure:
+                node.readings = self._associated(stage.readings)
+                self._solve()
 
     def _append(self, stage: SmootherStage) -> None:
         last, inputs = self._nodes[-1], stage.inputs
@@ -322,11 +335,16 @@ class MovingHorizon:
         root = np.sqrt(self._slope / np.maximum(size, self._slope))
         return root * r, root[:, np.newaxis] * W
 
-    def _spread(self, stage: SmootherStage) -> Array:
-        x = self._nodes[-1].x
-        r, W = residuals(self._model, x, stage.readings)
+    def _associated(self, readings: tuple[Array, ...]) -> tuple[Array, ...]:
+        """The readings at the newest node, with what a model of several alternatives chooses at its estimate."""
+        if self._associating is None:
+            return readings
+        return tuple(self._associating.associated(self.x, self.P, y) for y in readings)
+
+    def _spread(self, node: _Node) -> Array:
+        r, W = residuals(self._model, node.x, node.readings)
         S = np.eye(len(r)) + W @ self.P @ W.T
-        self.predicted.append(Predicted(x, r, S))
+        self.predicted.append(Predicted(node.x, r, S))
         spread: Array = np.sqrt(S.diagonal())
         return spread
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -71,6 +71,17 @@ class StagewiseModel(Protocol):
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array | None]:
         """State and covariance of an ``Estimate``, from a state and the covariance P (d, d) of its errors."""
+        ...
+
+
+@runtime_checkable
+class AssociatingModel(Protocol):
+    """System whose readings may each have come about in several ways."""
+
+    def associated(self, x: Array, P: Array, y: Array) -> Array:
+        """A reading y (m,) with the way that is the most likely at x, of covariance P (d, d), as ``residual`` takes it;
+        missing components where none is.
+        """
         ...
 
 

@@ -1,6 +1,7 @@
 """The robot that reads ranges as a ``StagewiseModel``: its pose and the scale error of its odometry.
 
-The model of ``mathnavi.estimators.ranging.pose_filter``.
+The model of ``mathnavi.estimators.ranging.pose_filter``. Within a polygon a reading gets the walls on which its rays
+end when it is added (``wall_association_kernels``), and keeps them.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
+from mathnavi.estimators.ranging.map_fit import MapFit
 from mathnavi.estimators.ranging.model import STATES, RangeModel
 from mathnavi.estimators.ranging.reader import RANGES, RangeReader
+from mathnavi.estimators.ranging.wall_association_kernels import associated, ranges_to
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
@@ -27,9 +30,17 @@ class RangingModel:
 
     size = STATES
 
+    @property
+    def ranging(self) -> RangingModel:
+        """Itself, to those who ask any model."""
+        return self
+
     def __init__(self, mission: RangingMission) -> None:
         self._model, self._bias = RangeModel(mission), mission.odometry.bias
         self._reader = RangeReader(mission, math.inf)
+        self._sensors = self._model.sensors(math.inf)
+        self.fit = MapFit(mission)
+        """how well the ranges fit the map"""
         self.rows = mission.sensors
 
     def start(self, reading: Array | None) -> tuple[Array, Array]:
@@ -62,9 +73,23 @@ class RangingModel:
         move(after, u, self._model.wall, h)
         return after, F, Q
 
+    def associated(self, x: Array, P: Array, y: Array) -> Array:
+        """A reading y (l,) at a state with covariance P (4, 4); within a polygon (l, 3), with the walls of its rays."""
+        return associated(x, P, y, self._model.wall, self._sensors) if self.fit.has_corners else y
+
+    def compare(self, x: Array, P: Array, y: Array) -> None:
+        """Compare a reading y (l,) with an estimate, of covariance P (4, 4), that has used it."""
+        self.fit.compare(x, P, y, self._model.wall, self._sensors)
+
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
-        h, H = expected_ranges(self._model.wall, x[:3], self._model.rays)
-        sigma = np.sqrt(self._model.range_variance(h))
+        model = self._model
+        if y.ndim == 1:
+            h, H = expected_ranges(model.wall, x[:3], model.rays)
+            sigma = np.sqrt(model.range_variance(h))
+        else:
+            h, H = ranges_to(model.wall, x[:3], model.rays, y[:, 1])
+            sigma = np.sqrt(model.range_variance(h) / y[:, 2])
+            y = y[:, 0]
         W = np.zeros((len(h), STATES))
         W[:, :3] = H / sigma[:, np.newaxis]
         return (y - h) / sigma, W

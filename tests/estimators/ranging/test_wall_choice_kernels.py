@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, condition, no_innovations
-from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, mismatched
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.kernels import rays_at
@@ -97,3 +97,21 @@ def test_whatever_is_read_the_pose_stays_within_the_walls_and_its_covariance_pos
         assert math.isfinite(likelihood)
         assert np.linalg.eigvalsh(0.5 * (P + P.T))[0] > -1e-9
         np.testing.assert_allclose(P, P.T, atol=1e-12)
+
+
+@pytest.mark.parametrize(("unexplained", "of_prior"), [(0, 0.0), (2, 0.02), (4, 0.2), (6, 0.9)])
+def test_an_update_that_leaves_rays_unexplained_is_doubted(unexplained: int, of_prior: float) -> None:
+    """Of eight rays some end in front of any wall: the more, the more of the prediction's variance stays."""
+    x, P, angles = np.array([3.0, 2.5, 0.3, 0.0]), 0.04 * np.eye(4), tuple(np.linspace(-3.0, 2.5, 8))
+    z = ROOM.ranges(x[:3], np.array(angles))[0]
+    z[:unexplained] *= 0.4
+    _, covariance, innovations, _ = updated(condition_among_walls, ROOM, x, P, z, sensors(*angles, outliers=0.15))
+    assert innovations.misfits[0] == unexplained
+    kept = np.trace(covariance[:2, :2]) / np.trace(P[:2, :2])
+    assert of_prior <= kept < of_prior + 0.3
+
+
+def test_where_most_rays_are_outliers_an_update_is_not_doubted_for_that() -> None:
+    assert mismatched(4, 8, 0.5) == pytest.approx(mismatched(1, 8, 0.5)) == pytest.approx(0.02)
+    assert mismatched(4, 8, 0.15) > 0.2
+    assert mismatched(0, 0, 0.1) == mismatched(0, 8, 0.1) == 0.0

@@ -1,0 +1,79 @@
+"""Within a building a ray that passes the edge of a door jumps: filters with a known start follow the robot."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.angles import wrapped
+from mathnavi.models.field.polygon import Polygon
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
+from mathnavi.sim.records.sensor_log import SensorLog, estimate
+
+LONG, WIDE, DEEP, WALL, DOOR = 16.0, 2.0, 3.5, 0.2, 0.9  # [m] of a corridor, its rooms, walls and doors
+STEP, SCANS, DURATION = 0.1, 20, 20.0  # [s]; steps from one scan to the next; [s]
+
+
+def rooms(side: float, out: float, doors: tuple[float, ...]) -> list[tuple[float, float]]:
+    """Corners, from left to right, of the rooms of 4 m on one side of the corridor, whose ``doors`` [m] begin so far
+    along it; ``out`` is the direction away from it.
+    """
+    corners = []
+    for k, door in enumerate(doors):
+        left, right, far, near = 4.0 * k + WALL, 4.0 * (k + 1) - WALL, side + out * DEEP, side + out * WALL
+        corners += [(door, side), (door, near), (left, near), (left, far), (right, far), (right, near)]
+        corners += [(door + DOOR, near), (door + DOOR, side)]
+    return corners
+
+
+BELOW, ABOVE = rooms(0.0, -1.0, (2.2, 5.0, 10.2, 13.0)), rooms(WIDE, 1.0, (0.8, 6.0, 8.8, 14.0))
+BUILDING = Polygon((((0.0, 0.0), *BELOW, (LONG, 0.0), (LONG, WIDE), *ABOVE[::-1], (0.0, WIDE)),))
+MISSION = RangingMission(
+    BUILDING,
+    tuple((0.25 * math.pi * np.arange(-4, 4)).tolist()),
+    RangeQuality(0.01, 0.05, outliers=0.15),
+    OdometryQuality((0.25, 0.25), 0.02),
+    start=KnownStart((1.0, 1.0, 0.0), (0.2, 0.2, 0.1)),
+    period=STEP,
+)
+
+
+def drive(rng: np.random.Generator) -> tuple[SensorLog, Array]:
+    """Log of a drive along the corridor, with a scan each 2 s of which what is not on the map cuts rays short, and the
+    true poses (n, 3).
+    """
+    x, u, odometry = np.array([1.0, 1.0, 0.0]), np.zeros(2), np.array(MISSION.odometry.noise)
+    t = STEP * np.arange(round(DURATION / STEP) + 1)
+    poses, ranges, inputs = np.empty((len(t), 3)), np.full((len(t), 8), np.nan), np.empty((len(t), 2))
+    for k in range(len(t)):
+        poses[k], inputs[k] = x, u + odometry * rng.standard_normal(2)
+        if k % SCANS == 0:
+            rho, _ = BUILDING.ranges(x, MISSION.alpha)
+            rho = rho + np.hypot(0.05, 0.01 * rho) * rng.standard_normal(8)
+            ranges[k] = np.where(rng.random(8) < 0.15, rng.uniform(0.2, 1.0, 8), 1.0) * np.maximum(rho, 0.05)
+        ahead = math.atan2(1.0 + 0.5 * math.sin(0.4 * t[k]) - x[1], 0.8)
+        u = np.array([0.65, 2.0 * wrapped(ahead - x[2])])
+        x = MISSION.flow(x, u, STEP)
+    return SensorLog(t, {"ranges": ranges, "odometry": inputs}), poses
+
+
+@pytest.mark.parametrize("name", ["range_ekf", "range_iekf", "range_ukf", "moving_horizon"])
+def test_a_filter_follows_a_robot_past_doors_and_knows_when_it_does_not(name: str) -> None:
+    """With the walls that its mean sees alone, each is sure and wrong more than a third of the time."""
+    wrong, ok = [], []
+    for seed in range(8):
+        log, poses = drive(np.random.default_rng(seed))
+        found = estimate(name, MISSION, log, timeout=10.0)
+        scans = np.flatnonzero(np.isfinite(log.readings["ranges"][:, 0]))[1:]
+        difference = found.x[scans] - poses[scans]
+        difference[:, 2] = wrapped(difference[:, 2])
+        sure = sure_and_wrong(log.t[scans], found.ok[scans], difference, found.covariance[scans])
+        wrong.append(sure.any(axis=1).mean())
+        ok.append(found.ok[scans].mean())
+    assert np.mean(wrong) < 0.15
+    assert np.mean(ok) > 0.8

@@ -198,7 +198,6 @@ class MovingHorizonEstimator:
             status = Status.LOST
         if self._ranging is not None:
             status = self._ranging.fit.judged(status)
-            covariance = None if covariance is None else self._ranging.fit.inflation * covariance
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
         extra = {"deviation": deviation, **self._model.extra(self._unknown, P), **self._counts.extra}
         message = waiting(status, "readings that agree")

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, no_innovations
-from mathnavi.estimators.ranging.wall_choice_kernels import learn_correlation, misfits
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, learn_correlation, misfits
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.field.polygon import Polygon
@@ -38,6 +38,14 @@ class MapFit:
         """Take an update in which so many of the ``rays`` that read something were ``unexplained``."""
         if rays and self.has_corners:
             self._share += (1.0 - math.exp(-rays / _RECENT)) * (unexplained / rays - self._share)
+
+    def condition(self, x: Array, P: Array, rho: Array, wall: WallShape, sensors: RaySensors) -> tuple[float, int]:
+        """Condition x (4,) and P (4, 4), in place, on ranges rho (l,) [m] within a polygon; return NIS and its rays."""
+        _, nis, rays = condition_among_walls(x, P, rho, wall, sensors, self.innovations)
+        if rays:
+            self.note(int(self.innovations.misfits[0]), rays)
+            learn_correlation(self.innovations)
+        return nis, rays
 
     def compare(self, x: Array, P: Array, rho: Array, wall: WallShape, sensors: RaySensors) -> None:
         """Take ranges rho (l,) [m] that an estimate x (4,), P (4, 4) of another filter has used."""

@@ -45,7 +45,6 @@ from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, st
 from mathnavi.estimators.ranging.map_fit import MapFit
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.reader import RangeReader
-from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, learn_correlation
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -129,11 +128,9 @@ class PoseFilter(ABC):
     def _condition_among_walls(self, rho: Array) -> Array:
         """``_condition`` within a polygon; the gate learns of outliers there, and refuses nothing."""
         (x, P), innovations = self._state(), self._fit.innovations
-        _, nis, rays = condition_among_walls(x, P, rho, self._model.wall, self._sensors, innovations)
+        nis, rays = self._fit.condition(x, P, rho, self._model.wall, self._sensors)
         if rays == 0:
             return np.full(2, np.nan)
-        learn_correlation(innovations)
-        self._fit.note(int(innovations.misfits[0]), rays)
         self._gate.passed(np.square(innovations.residual) * innovations.share / innovations.variance)
         self._set_state(x, P)
         return np.array([nis, float(rays)])

@@ -157,7 +157,7 @@ class MovingHorizon:
     def __init__(self, model: StagewiseModel, stages: int, iterations: int, slope: float) -> None:
         """``slope`` is delta, ``iterations`` is the number of Gauss-Newton iterations at each reading."""
         self._model, self._stages, self._iterations, self._slope = model, stages, iterations, slope
-        self._associating = model if isinstance(model, AssociatingModel) else None
+        self._associating = model if isinstance(model, AssociatingModel) and model.is_ambiguous else None
         self._programme = HorizonProgramme(model.size, stages)
         self._nodes: list[_Node] = []
         self._prior: tuple[Array, Array]  # m, P at the first node

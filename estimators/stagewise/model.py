@@ -78,6 +78,13 @@ class StagewiseModel(Protocol):
 class AssociatingModel(Protocol):
     """System whose readings may each have come about in several ways."""
 
+    is_ambiguous: bool
+    """False in a mission in which there is one way only, so that the reading is used as it is"""
+
+    def conditioned(self, x: Array, P: Array, y: Array) -> tuple[Array, Array]:
+        """State and covariance (d, d) after a reading y (m,), with all its ways by their probabilities."""
+        ...
+
     def associated(self, x: Array, P: Array, y: Array) -> Array:
         """A reading y (m,) with the way that is the most likely at x, of covariance P (d, d), as ``residual`` takes it;
         missing components where none is.

@@ -22,6 +22,7 @@ from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 
+_REFUSED = 1e-4  # probability of an outlier where none is declared
 _LARGEST = 6.0  # standard deviations of the scale error
 
 
@@ -38,9 +39,10 @@ class RangingModel:
     def __init__(self, mission: RangingMission) -> None:
         self._model, self._bias = RangeModel(mission), mission.odometry.bias
         self._reader = RangeReader(mission, math.inf)
-        self._sensors = self._model.sensors(math.inf)
+        self._sensors = self._model.sensors(math.inf).noisier(1.0, max(self._model.outliers, _REFUSED))
         self.fit = MapFit(mission)
         """how well the ranges fit the map"""
+        self.is_ambiguous = self.fit.has_corners
         self.rows = mission.sensors
 
     def start(self, reading: Array | None) -> tuple[Array, Array]:
@@ -74,8 +76,14 @@ class RangingModel:
         return after, F, Q
 
     def associated(self, x: Array, P: Array, y: Array) -> Array:
-        """A reading y (l,) at a state with covariance P (4, 4); within a polygon (l, 3), with the walls of its rays."""
-        return associated(x, P, y, self._model.wall, self._sensors) if self.fit.has_corners else y
+        """Ranges y (l,) within a polygon as rows (l, 3), with the walls of the rays (``wall_association_kernels``)."""
+        return associated(x, P, y, self._model.wall, self._sensors)
+
+    def conditioned(self, x: Array, P: Array, y: Array) -> tuple[Array, Array]:
+        """State and covariance (4, 4) after ranges y (l,) within a polygon (``wall_choice_kernels``)."""
+        x, P = x.copy(), np.array(P, order="C")
+        self.fit.condition(x, P, y, self._model.wall, self._sensors)
+        return x, P
 
     def compare(self, x: Array, P: Array, y: Array) -> None:
         """Compare a reading y (l,) with an estimate, of covariance P (4, 4), that has used it."""
@@ -122,4 +130,4 @@ class RangingModel:
         return NOTHING
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
-        return x[:3].copy(), P[:3, :3].copy()
+        return x[:3].copy(), self.fit.inflation * P[:3, :3]

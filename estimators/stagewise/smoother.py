@@ -26,7 +26,7 @@ from scipy.sparse import block_diag, bmat, csc_matrix, identity
 from scipy.sparse.linalg import splu
 from scipy.special import chdtri
 
-from mathnavi.estimators.stagewise.model import SmootherStage, StagewiseModel, advanced, residuals
+from mathnavi.estimators.stagewise.model import AssociatingModel, SmootherStage, StagewiseModel, advanced, residuals
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array
 
@@ -116,6 +116,10 @@ def _filtered(model: StagewiseModel, stages: Sequence[SmootherStage], gate: floa
             P = F @ P @ F.T + Q
         before, used = (x, P), []
         for y in stage.readings:
+            if isinstance(model, AssociatingModel) and model.is_ambiguous:
+                x, P = model.conditioned(x, P, y)
+                used.append(model.associated(x, P, y))
+                continue
             good = _admitted(model, x, P, y, limit, beyond)
             used.append(good)
             x, P = _conditioned(model, x, P, good)

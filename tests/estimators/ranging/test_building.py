@@ -13,7 +13,7 @@ from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
-from mathnavi.sim.records.sensor_log import SensorLog, estimate
+from mathnavi.sim.records.sensor_log import SensorLog, estimate, smoother
 
 LONG, WIDE, DEEP, WALL, DOOR = 16.0, 2.0, 3.5, 0.2, 0.9  # [m] of a corridor, its rooms, walls and doors
 STEP, SCANS, DURATION = 0.1, 20, 20.0  # [s]; steps from one scan to the next; [s]
@@ -62,13 +62,14 @@ def drive(rng: np.random.Generator) -> tuple[SensorLog, Array]:
     return SensorLog(t, {"ranges": ranges, "odometry": inputs}), poses
 
 
-@pytest.mark.parametrize("name", ["range_ekf", "range_iekf", "range_ukf", "moving_horizon"])
-def test_a_filter_follows_a_robot_past_doors_and_knows_when_it_does_not(name: str) -> None:
+@pytest.mark.parametrize("name", ["range_ekf", "range_iekf", "range_ukf", "moving_horizon", "smoother"])
+def test_an_estimator_follows_a_robot_past_doors_and_knows_when_it_does_not(name: str) -> None:
     """With the walls that its mean sees alone, each is sure and wrong more than a third of the time."""
+    plugin, fields = (smoother("range_ekf"), {}) if name == "smoother" else (name, {"timeout": 10.0})
     wrong, ok = [], []
     for seed in range(8):
         log, poses = drive(np.random.default_rng(seed))
-        found = estimate(name, MISSION, log, timeout=10.0)
+        found = estimate(plugin, MISSION, log, **fields)
         scans = np.flatnonzero(np.isfinite(log.readings["ranges"][:, 0]))[1:]
         difference = found.x[scans] - poses[scans]
         difference[:, 2] = wrapped(difference[:, 2])

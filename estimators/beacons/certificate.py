@@ -156,10 +156,6 @@ class BeaconCertificate:
         """Pose (3,) at the middle reading of a robot that is at ``pose`` (3,) now, by odometry."""
         return composed(np.asarray(pose, np.float64), relative(self._motions()[-1].pose, np.zeros(3)))
 
-    def at_now(self, pose: Array) -> Array:
-        """Pose (3,) now of a robot that was at ``pose`` (3,) at the middle reading, by odometry."""
-        return composed(pose, relative(np.zeros(3), self._motions()[-1].pose))
-
     def constraints(self) -> tuple[Array, Array, int, float, tuple[float, float]]:
         """Constraints on a pose at the middle reading; see ``_constraints``."""
         return self._constraints(self._motions())

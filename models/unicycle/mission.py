@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
+from itertools import combinations
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -162,7 +163,7 @@ TICK = 0.01
 """tick [s] of the ideal robot; its motion under inputs that are held is exact at any tick"""
 
 LEAST_NOISE = 1e-4  # [m] least noise that an estimator assumes of a range, however small the declared one is
-_SAME = 1e-9  # [rad]
+_SAME = 1e-9  # [rad, m]
 _DEVIATIONS, _OTHER_WALL = 8.0, 0.25  # of the noise, and share of the longest range by which a wall may be another
 
 MapDeviation = Annotated[tuple[float, float], Condition(lambda each: min(each) >= 0.0, "0 or more"), FINITE_NUMBERS]
@@ -179,8 +180,8 @@ SensorAngles = Annotated[
 class RangingMission(UnicycleMotion):
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
-    Raises MissionError without sensors, with two at the same angle, with places that are neither one nor one for each,
-    or with a known start that is not within the wall.
+    Raises MissionError without sensors, with two at the same angle and place, with places that are neither one nor one
+    for each, or with a known start that is not within the wall.
     """
 
     curve: Wall
@@ -202,13 +203,14 @@ class RangingMission(UnicycleMotion):
     def __post_init__(self) -> None:
         object.__setattr__(self, "angles", tuple(map(float, self.angles)))  # lists and arrays cannot be hashed
         object.__setattr__(self, "mounting", tuple((float(x), float(y)) for x, y in self.mounting))
-        turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
-        turned.append(turned[0] + 2.0 * math.pi)
-        if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:
-            raise MissionError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
         if len(self.mounting) not in {0, 1, len(self.angles)}:
             raise MissionError(
                 f"mounting = {self.mounting!r} for {len(self.angles)} sensors; allowed: one place, or one for each"
+            )
+        if any(_same(one, other) for one, other in combinations(self.rays, 2)):
+            place = " from one place" if self.mounting else ""
+            raise MissionError(
+                f"angles = {self.angles!r} holds one direction{place} twice; allowed: different directions{place}"
             )
         if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
             raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
@@ -297,6 +299,11 @@ class RangingMission(UnicycleMotion):
         """Lengths [m] and [rad] of the two parts of ``difference`` between x (3,) and the truth (3,)."""
         differences = self.difference(x, truth)
         return math.hypot(differences[0], differences[1]), abs(float(differences[2]))
+
+
+def _same(one: Array, other: Array) -> bool:
+    """True for two rays (3,) from one place in one direction."""
+    return abs(wrapped(float(one[0] - other[0]))) < _SAME and bool((np.abs(one[1:] - other[1:]) < _SAME).all())
 
 
 def _direction(pose: Array, centre: Array) -> float:

@@ -76,11 +76,13 @@ class PoseObserver:
 
     ``wall`` is a closed curve, ``ellipse(a, b)``, ``wall_through(points)`` or a ``Curve``, or a ``Polygon``. ``angles``
     (l,) [rad] are those of the sensors relative to the heading. ``method`` is a plug-in, feasible_set_bank, range_ekf,
-    range_iekf, range_ukf, range_particle or, within a smooth curve, range_observer, and ``fields`` are its fields.
+    range_iekf, range_ukf, moving_horizon, range_particle or, within a smooth curve, range_observer, and ``fields`` are
+    its fields.
     ``range_noise`` [m] and ``odometry_noise`` [m/s, rad/s] are standard deviations of the sensors. ``start`` (3,) is
     the pose at the start if it is known, and ``period`` [s] the usual length of a step. ``mounting`` (1, 2) or (l, 2)
-    [m] is where the sensors are, ahead of the middle of the axle and to its left, if elsewhere. ``trust_units`` says
-    that readings are right that fit the wall in another unit or with another sign only.
+    [m] is where the sensors are, ahead of the middle of the axle and to its left, if elsewhere. ``map_deviation`` [m,
+    rad] is by how much walls that were measured may be off, as standard deviations. ``trust_units`` says that readings
+    are right that fit the wall in another unit or with another sign only.
 
     Raises PluginError for an unknown method, FieldError for a field or a value that is not allowed.
     """
@@ -96,6 +98,7 @@ class PoseObserver:
         start: tuple[float, float, float] | None = None,
         period: float = 0.01,
         mounting: Sequence[tuple[float, float]] = (),
+        map_deviation: tuple[float, float] = (0.0, 0.0),
         trust_units: bool = False,
         **fields: Any,
     ) -> None:
@@ -107,6 +110,7 @@ class PoseObserver:
                 OdometryQuality(noise=odometry_noise),
                 None if start is None else KnownStart(start),
                 period=period,
+                map_deviation=map_deviation,
                 mounting=tuple(mounting),
             )
             found = load("estimators", method)

@@ -23,18 +23,18 @@ LASER, APART = ((0.3, 0.0),), ((0.15, 0.1), (0.15, -0.1), (-0.1, 0.0))
 SHORT = round(8.0 / PERIOD)
 
 
-def mission(mounting: Any, drive: Drive | None = None) -> RangingMission:
+def mission(mounting: Any, drive: Drive | None = None, angles: Any = ANGLES) -> RangingMission:
     start = None if drive is None else mn.KnownStart(tuple(drive.x[0]), (0.05, 0.05, 0.05))
     ranging, odometry = mn.RangeQuality(absolute=NOISE), mn.OdometryQuality(noise=ODOMETRY)
-    return RangingMission(WALL, ANGLES, ranging, odometry, start=start, period=PERIOD, mounting=mounting)
+    return RangingMission(WALL, angles, ranging, odometry, start=start, period=PERIOD, mounting=mounting)
 
 
-def followed(name: str, true: Any, declared: Any) -> tuple[list[Estimate], Drive]:
+def followed(name: str, true: Any, declared: Any, angles: Any = ANGLES) -> tuple[list[Estimate], Drive]:
     """Estimates of a drive whose ranges are those of sensors at ``true`` places; only the bank finds the start."""
     drive = Drive(*(each[:SHORT] for each in driven(1)))
     kind: Any = load("estimators", name)
-    estimator = kind.build(kind.Config(), mission(declared, None if name == "feasible_set_bank" else drive))
-    found, sensors = [], mission(true)
+    estimator = kind.build(kind.Config(), mission(declared, None if name == "feasible_set_bank" else drive, angles))
+    found, sensors = [], mission(true, angles=angles)
     for k, (pose, u) in enumerate(zip(drive.x, drive.odometry, strict=True)):
         t, noise = PERIOD * (k + 1), drive.ranges[k] - WALL.ranges(pose, ANGLES)[0]
         ranges = mn.Measurement("ranges", t, sensors.ranges(pose) + noise)
@@ -54,6 +54,12 @@ def error(found: list[Estimate], drive: Drive) -> float:
 def test_a_pose_is_followed_as_well_with_sensors_that_are_elsewhere(name: str) -> None:
     plain = error(*followed(name, (), ()))
     assert error(*followed(name, APART, APART)) < 1.5 * plain + 0.005
+
+
+@pytest.mark.parametrize("name", ["feasible_set_bank", "range_ekf"])
+def test_rangefinders_abreast_look_in_one_direction(name: str) -> None:
+    abreast = ((0.1, 0.15), (0.1, -0.15), (0.0, 0.0))
+    assert error(*followed(name, abreast, abreast, (0.0, 0.0, 2.0))) < 2.0 * error(*followed(name, (), ())) + 0.005
 
 
 @pytest.mark.parametrize("name", ["feasible_set_bank", "range_ekf"])

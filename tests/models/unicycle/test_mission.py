@@ -31,6 +31,8 @@ small = st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.2, 0.
         ({"angles": ()}, "one sensor or more"),
         ({"angles": (0.0, 2.0 * math.pi)}, "one direction twice"),
         ({"angles": (1.0, 0.5, 1.0)}, "one direction twice"),
+        ({"angles": (0.0, 0.0), "mounting": ((0.1, 0.0),)}, "one direction from one place twice"),
+        ({"angles": (0.0, 1.0, 0.0), "mounting": ((0.1, 0.2), (0.1, 0.2), (0.1, 0.2))}, "one direction from one place"),
         ({"angles": (math.nan,)}, "finite"),
         ({"start": KnownStart((5.0, 0.0, 0.0))}, "outside"),
     ],

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from mathnavi.estimators.missile_kalman import MissileKalman, MissileKalmanConfig, disturbing_input, transition
+from mathnavi.estimators.moving_horizon import MovingHorizonEstimator
 from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
@@ -158,3 +161,36 @@ def test_without_readings_it_ends_up_lost_and_still_finite() -> None:
     last = filter_.update(3.0, [], np.zeros(5))
     assert last.status is Status.LOST
     assert np.isfinite(last.x).all()
+
+
+SPOILT: dict[str, Callable[[Array, Array, Array], Array]] = {
+    "off": lambda y, last, noise: y + 5.0 * NOISE.deviations(PLANAR),
+    "noisy": lambda y, last, noise: y + 2.8 * noise,
+    "stuck": lambda y, last, noise: last,
+    "scaled": lambda y, last, noise: 1.1 * y,
+}
+
+
+@pytest.mark.parametrize("plugin", [MissileKalman, MovingHorizonEstimator])
+@pytest.mark.parametrize("fault", [None, *SPOILT])
+def test_readings_of_something_else_are_found_within_a_third_of_a_second(plugin: Any, fault: str | None) -> None:
+    """Spoilt from 0.6 s on."""
+    task, rng = mission(PLANAR), np.random.default_rng(0)
+    estimator, x = plugin.build(plugin.Config(), task), task.start_state
+    u, last, status = np.zeros(3), x, []
+    u[PLANAR.index("F_z")] = -NOMINAL.mass * NOMINAL.gravity
+    for k in range(300):
+        t, noise = k * PERIOD, NOISE.deviations(PLANAR) * rng.standard_normal(len(x))
+        readings = []
+        if k % 5 == 0:
+            spoilt = SPOILT[fault] if fault and t >= 0.6 else None
+            last = (
+                x + noise
+                if spoilt is None
+                else spoilt(x + noise, last, NOISE.deviations(PLANAR) * rng.standard_normal(len(x)))
+            )
+            readings = [Measurement("full_state", t, last)]
+        status.append((t, estimator.update(t, readings, u if k else np.zeros(3)).status))
+        x = PLANAR.flow(x, u, PERIOD)
+    assert all(each is Status.OK for t, each in status if 0.0 < t < 0.6)
+    assert all((each is Status.OK) == (fault is None) for t, each in status if t > 0.9)

@@ -1,0 +1,363 @@
+"""The Kalman filter of a flight that reads ranges to beacons, instead of position fixes or beside them.
+
+The state x = (p, v, g) (9,) is position, velocity and gust, with the model of each axis of ``kalman``, which is exact
+over any time. Ranges are used one after the other, each by the second-order extended Kalman filter, which is exact for
+h up to its second derivatives. With H = (u', 0, 0), A = (d2h/dp2) P_pp, and the noise R,
+
+    nu = y - h(p) - tr(A) / 2,    S = H P H' + R + tr(A A) / 2,    K = P H' / S,
+    x <- x + K nu,                P <- (I - K H) P (I - K H)' + K (S - H P H') K',
+
+so that near a beacon a range says less of the place than a straight line would have it.
+
+Where the position is so uncertain that no derivative at it means anything, ranges are used only if they tell a place by
+themselves (``flight_geometry.located``), which is a fix.
+
+**Mirror images.** The ranges to beacons in one plane, or nearly, fit the mirror image too. The start is known, and so
+the side; where the distance to that plane is within 5 deviations it no longer is. From when on the vehicle has left the
+plane, two filters are run, one on either side, until the readings are a million times as likely for one of them: the
+input is known, and the motion that it causes on the other side is the mirrored one only without any.
+
+**What is said OK**: ranges come, those to beacons at fault are left out (``flight_witness``), the standard deviation of
+the position is at most ``position_std_max`` in every direction, and no image is left. With fewer than four beacons, or
+four in a plane, or on a line, a direction is not observed or seldom, and its variance grows as that of dead reckoning
+does: the estimate is OK for as long as that is within the bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+from scipy.special import chdtri
+
+from mathnavi.estimators.beacons.flight_geometry import image_is_excluded, located, mirrored, plane_of
+from mathnavi.estimators.beacons.flight_witness import RangeWitness
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
+from mathnavi.interfaces.errors import MissionError
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, least_information, slant_ranges
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
+from mathnavi.models.sensor_faults import longest_gap
+from mathnavi.models.tolerances import TIME_TOLERANCE
+
+if TYPE_CHECKING:
+    from mathnavi.estimators.kalman import AxisModel, KalmanConfig
+
+FIXES = "position"
+_I9, _I3 = np.eye(9), np.eye(3)
+_OUTLIER = float(chdtri(1, 1e-9))
+_LASTING = 10  # readings of which most are refused, in a row
+_NEAR = 5.0  # deviations from the plane of the beacons within which the side is not known
+_LINEAR = 0.1  # of the nearest range: largest deviation of a position at which a derivative means something
+_SURE = math.log(1e6)  # of the likelihoods of two sides
+_COST = 2e-4  # [s] of an update
+_GRID, _HEIGHTS = 12, (0.0, 150.0, 400.0)  # points along a side of the map, and heights [m] above h_min
+
+
+@dataclass
+class Side:
+    """A filter on one side of the plane of the beacons."""
+
+    x: Array  # (9,) p [m], v [m/s], g [m/s^2]
+    P: Array  # (9, 9)
+    log_likelihood: float = 0.0
+
+    def predict(self, F: Array, B: Array, Q: Array) -> None:
+        """Predict by F (9, 9), the effect B (9,) of the input and the noise Q (9, 9)."""
+        self.x = F @ self.x + B
+        self.P = F @ self.P @ F.T + Q
+
+    def expected(self, place: Array, R: float) -> tuple[float, Array, float]:
+        """Expected range [m] to a place (3,), its derivative u (3,), and the variance [m^2] of a reading of it but for
+        what P_pp says of u.
+        """
+        d = self.x[:3] - place
+        h = max(math.sqrt(float(d @ d)), 1e-6)
+        u = d / h
+        P = self.P[:3, :3]
+        A = (P - np.outer(u, u @ P)) / h
+        return h + 0.5 * float(np.trace(A)), u, R + 0.5 * float(np.einsum("ij,ji->", A, A))
+
+    def condition(self, H: Array, nu: float, R: float) -> None:
+        """Condition on an innovation nu with H (3,) of the position and noise of variance R."""
+        PH = self.P[:, :3] @ H
+        S = float(H @ PH[:3]) + R
+        K = PH / S
+        self.x = self.x + K * nu
+        kept = _I9.copy()
+        kept[:, :3] -= np.outer(K, H)
+        P = kept @ self.P @ kept.T + R * np.outer(K, K)
+        self.P = 0.5 * (P + P.T)
+
+    def image(self, centre: Array, normal: Array) -> Side:
+        """Mirror image in a plane."""
+        M = np.kron(_I3, _I3 - 2.0 * np.outer(normal, normal))
+        x = M @ self.x
+        x[:3] = mirrored(self.x[:3], centre, normal)
+        return Side(x, M @ self.P @ M.T)
+
+
+class FlightRangeFilter:
+    """Estimator of position, velocity and gust from ranges to beacons, and from fixes where it is asked to."""
+
+    def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
+        beacons = beacons_of(mission)
+        self.period = mission.control_period
+        self._places, self._fixes = beacons.array, config.fixes
+        self._R, self._model = max(beacons.noise, config.noise_floor) ** 2, axis_model(config, mission)
+        self._fix_variance = max(mission.position_noise, config.noise_floor) ** 2
+        self._bound = config.position_std_max**2
+        interval = 1.0 / max(beacons.rate, mission.position_rate if config.fixes else 0.0)
+        self._timeout = TimeoutMonitor(config.timeout, interval)
+        self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+        self._now = Side(np.array([*mission.start, *np.zeros(6)]), np.kron(start_covariance(config, mission), _I3))
+        self._other: Side | None = None  # on the other side of the plane of the beacons
+        self._side_unknown = False
+        self._t: float | None = None  # [s] of the state
+        self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
+        self._heard = np.full(len(self._places), -math.inf)  # [s] of the last range used
+        self._refused = 0  # readings in a row of which most numbers were refused
+        self._nu = np.full((2, len(self._places)), np.nan)  # innovations of the last ranges, and their deviations
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (6,) [m, m/s] at t [s]; ``command`` (3,) [m/s^2] was held since the last call.
+
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra["innovations"]`` (n,) [m] those of the ranges
+        since the last call, NaN where there was none, with the standard deviations ``extra["innovation_std"]`` (n,).
+        """
+        self._nu[:] = np.nan
+        for reading in measurements:
+            if reading.name != RANGES and not (self._fixes and reading.name == FIXES):
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif is_late(reading.t, self._t):
+                self._counts.add(Unused.LATE)
+            elif reading.value.shape != ((len(self._places),) if reading.name == RANGES else (3,)):
+                self._counts.add(Unused.MALFORMED)
+            else:
+                self._predict(reading.t, command)
+                self._take(reading.t, reading.value, ranges=reading.name == RANGES)
+        self._predict(t, command)
+        return self._estimate(t)
+
+    def _predict(self, t: float, command: Array) -> None:
+        if self._t is None:
+            self._t = t
+        h = time_ahead(t, self._t)
+        if h <= TIME_TOLERANCE:
+            return
+        key = round(h, 10)
+        if key not in self._discrete:
+            F, B, Q = self._model.discretised(h)
+            self._discrete[key] = np.kron(F, _I3), B, np.kron(Q, _I3)
+        F, B, Q = self._discrete[key]
+        for side in self._sides():
+            side.predict(F, np.outer(B, command).ravel(), Q)
+        self._t = t
+
+    def _sides(self) -> tuple[Side, ...]:
+        return (self._now,) if self._other is None else (self._now, self._other)
+
+    def _take(self, t: float, value: Array, *, ranges: bool) -> None:
+        """Condition on the ranges (n,) or the fix (3,) of t [s]."""
+        infinite = np.isinf(value) | ((value < 0.0) if ranges else False)
+        if infinite.any():
+            self._counts.add(Unused.NOT_FINITE if np.isinf(value).any() else Unused.OUT_OF_RANGE, int(infinite.sum()))
+        good = np.flatnonzero(np.isfinite(value) & ~infinite)
+        if not len(good):
+            return
+        if ranges and self._is_lost():
+            self._find(t, value, good)
+            return
+        squares = [self._use(self._now, i, value[i], ranges) for i in good.tolist()]
+        if self._other is not None:
+            for i in good.tolist():
+                self._use(self._other, i, value[i], ranges, counted=False)
+        refused = np.array(squares) > _OUTLIER
+        if refused.any():
+            self._counts.add(Unused.OUTLIER, int(refused.sum()))
+        fits = self._since_gap.fits(np.array(squares), self._timeout.converged)
+        self._refused = self._refused + 1 if 2 * refused.sum() > len(good) else 0
+        if self._refused > _LASTING:  # the filter is wrong
+            self._now.P *= max(squares)
+            self._refused, self._other = 0, None
+        if not refused.all():
+            self._timeout.note(t, agrees=fits)
+        if ranges:
+            self._heard[good[~refused]] = t
+        self._choose_side(t)
+
+    def _use(self, side: Side, i: int, y: float, ranges: bool, *, counted: bool = True) -> float:
+        """Use a range to beacon i or number i of a fix; return the normalised square of its innovation."""
+        if ranges:
+            expected, H, R = side.expected(self._places[i], self._R)
+        else:
+            expected, H, R = float(side.x[i]), _I3[i], self._fix_variance
+        nu, S = y - expected, float(H @ side.P[:3, :3] @ H) + R
+        square = nu * nu / S
+        side.log_likelihood -= 0.5 * (min(square, _OUTLIER) + math.log(S))
+        if ranges and counted:
+            self._nu[:, i] = nu, math.sqrt(S)
+        if square <= _OUTLIER:
+            side.condition(H, nu, R)
+        return square
+
+    # ---- what is not known
+
+    def _is_lost(self) -> bool:
+        """True where the position is so uncertain that derivatives at it mean nothing."""
+        largest = float(np.linalg.eigvalsh(self._now.P[:3, :3])[-1])
+        h, _ = slant_ranges(self._places, self._now.x[:3])
+        return largest > max(self._bound, (_LINEAR * float(h.min())) ** 2)
+
+    def _find(self, t: float, ranges: Array, good: Array) -> None:
+        """Begin again from ranges that tell a place by themselves."""
+        self._other, self._refused = None, 0
+        found = located(self._places[good], ranges[good], self._R)
+        if found is None:
+            return
+        p, R = found
+        x, P = self._now.x, self._now.P
+        K = np.linalg.solve(P[:3, :3] + R, P[:3]).T
+        kept = _I9.copy()
+        kept[:, :3] -= K
+        P = kept @ P @ kept.T + K @ R @ K.T
+        self._now = Side(x + K @ (p - x[:3]), 0.5 * (P + P.T))
+        self._heard[good], self._side_unknown = t, False
+        self._timeout.note(t)
+        self._timeout.restart(t)
+
+    def _choose_side(self, t: float) -> None:
+        """Keep a filter on the other side of the plane of the beacons while that may be the right one."""
+        if self._other is not None:
+            more = self._now.log_likelihood - self._other.log_likelihood
+            if more < 0.0:
+                self._now, self._other = self._other, self._now
+            if abs(more) > _SURE:
+                self._other, self._side_unknown = None, False
+        places = self._places[self._heard >= t - self._timeout.longest]
+        plane = plane_of(places)
+        if plane is None:
+            return
+        centre, normal = plane
+        P, p = self._now.P[:3, :3], self._now.x[:3]
+        near = abs(float(normal @ (p - centre))) < _NEAR * math.sqrt(float(normal @ P @ normal))
+        if near:
+            self._side_unknown, self._other = True, None
+        elif image_is_excluded(places, p, self._R):
+            self._side_unknown, self._other = False, None
+        elif self._side_unknown and self._other is None:
+            self._now.log_likelihood = 0.0
+            self._other = self._now.image(centre, normal)
+
+    def _estimate(self, t: float) -> Estimate:
+        x, P = self._now.x, self._now.P[:6, :6].copy()
+        status, message = self._status(t, P)
+        extra: Mapping[str, Array] = {
+            "gust": x[6:].copy(),
+            "innovations": self._nu[0].copy(),
+            "innovation_std": self._nu[1].copy(),
+            **self._counts.extra,
+        }
+        return Estimate(t, x[:6].copy(), P, status, extra, message)
+
+    def _status(self, t: float, P: Array) -> tuple[Status, str]:
+        status = self._timeout.status(t, P)
+        if status is Status.INITIALISING:
+            return status, waiting(status, "a range")
+        if self._is_lost():
+            return Status.LOST, "does not know where it is well enough to use single ranges"
+        if self._other is not None:
+            return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
+        largest = float(np.linalg.eigvalsh(P[:3, :3])[-1])
+        if largest > self._bound:
+            deviation = math.sqrt(largest)
+            return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
+        return status, ""
+
+
+def beacons_of(mission: FlightMission) -> FlightBeacons:
+    """Return the beacons of a mission; MissionError without any."""
+    if mission.beacons is None:
+        raise MissionError("beacons = None; allowed: one beacon or more, for an estimator that reads them")
+    return mission.beacons
+
+
+def guarded(config: KalmanConfig, mission: FlightMission) -> Guarded:
+    """The filter with its monitor; as many beacons as that may be left out leave one, or a fix."""
+    witness = RangeWitness(beacons_of(mission), mission, config)
+    spare = len(witness.names) - 1
+    return Guarded(FlightRangeFilter(config, mission), witness, most_out=min(2, spare), cost=_COST)
+
+
+def axis_model(config: KalmanConfig, mission: FlightMission) -> AxisModel:
+    """Model of an axis, whose fixes are as exact as a range."""
+    from mathnavi.estimators.kalman import AxisModel, clipped_rms  # it builds this filter
+
+    noise = max(beacons_of(mission).noise, config.noise_floor)
+    return AxisModel(max(clipped_rms(mission.gust), config.gust_floor), mission.gust.time_constant, noise)
+
+
+def start_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
+    """Initial covariance (3, 3) of an axis: that of a start which is known as well as fixes would tell it that are as
+    exact as a range, except where the configuration gives a deviation.
+    """
+    P = _stationary(axis_model(config, mission), 1.0 / beacons_of(mission).rate)[0].copy()
+    for k, stated in enumerate((config.start_position_std, config.start_velocity_std)):
+        if stated is not None:
+            P[k, :] = P[:, k] = 0.0
+            P[k, k] = stated**2
+    return P
+
+
+# ---- declared quality
+
+
+def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
+    """Quality over the map: that of a filter with fixes that tell as much as the ranges do at the worst place.
+
+    Ranges of variance R are worth fixes of variance R / lambda, lambda the least eigenvalue of sum u u'. Where that is
+    worth less than ``position_std_max`` promises, or nothing, the estimate is not OK, so that is what is declared.
+    """
+    from dataclasses import replace
+
+    beacons, model = beacons_of(mission), axis_model(config, mission)
+    interval = longest_gap(1.0 / beacons.rate, 1.0 - (1.0 - mission.dropout_rate) * (1.0 - beacons.dropout), config.timeout)
+    least = float(least_information(beacons, airspace(mission)).min())
+    declared = config.position_std_max**2
+    std = model.fix_std / math.sqrt(least) if least > 0.0 else math.inf
+    low, high = model.fix_std, model.fix_std
+    while std > high and _stationary(replace(model, fix_std=high), interval)[0][0, 0] < declared:
+        low, high = high, 2.0 * high
+    if std > high:
+        for _ in range(30):
+            middle = math.sqrt(low * high)
+            below = _stationary(replace(model, fix_std=middle), interval)[0][0, 0] < declared
+            low, high = (middle, high) if below else (low, middle)
+        std = min(std, high)
+    before, correction = _stationary(replace(model, fix_std=std), interval)
+    return EstimateQuality(before, correction / interval, estimates_gust=True, age=interval)
+
+
+def airspace(mission: FlightMission) -> Array:
+    """Places (k, 3) [m] all over the map, at and above the least clearance."""
+    terrain = mission.terrain
+    x, y = (np.linspace(0.0, side, _GRID) for side in (terrain.width, terrain.depth))
+    east, north = (each.ravel() for each in np.meshgrid(x, y))
+    ground = np.asarray(terrain.height(east, north)) + mission.clearance_min
+    return np.concatenate([np.column_stack([east, north, ground + above]) for above in _HEIGHTS])
+
+
+def _stationary(model: AxisModel, interval: float) -> tuple[Array, Array]:
+    """Stationary covariance (3, 3) of an axis just before a fix, and the covariance of what a fix changes."""
+    F, _, Q = model.discretised(interval)
+    H, R = np.array([[1.0, 0.0, 0.0]]), np.array([[model.fix_std**2]])
+    before = solve_discrete_are(F.T, H.T, Q, R)
+    before = 0.5 * (before + before.T)
+    correction = before @ H.T @ np.linalg.solve(H @ before @ H.T + R, H @ before)
+    return before, 0.5 * (correction + correction.T)

@@ -131,7 +131,8 @@ class Kalman:
         fixes = PositionSensor(mission.position_noise, mission.position_rate)
         if mission.beacons is None:
             return (fixes,)
-        return (mission.beacons.sensor(), fixes) if config.fixes else (mission.beacons.sensor(),)
+        ranges = mission.beacons.sensor(mission.terrain)
+        return (ranges, fixes) if config.fixes else (ranges,)
 
     @staticmethod
     def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
@@ -139,7 +140,7 @@ class Kalman:
 
         P is the covariance just before a fix, when each variance is largest; each fix changes the estimate with
         covariance K S K', S = H P H' + R. The time between fixes is the longest that there can be while the estimate is
-        not lost. By ranges to beacons it is that at the worst place over the map, and with fixes beside them the better
+        not lost. By ranges to beacons it is that at a bad place among them, and with fixes beside them the better
         of both.
         """
         by_ranges = None

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +57,7 @@ _NEAR = 5.0  # deviations from the plane of the beacons within which the side is
 _LINEAR = 0.1  # of the nearest range: largest deviation of a position at which a derivative means something
 _SURE = math.log(1e6)  # of the likelihoods of two sides
 _COST = 2e-4  # [s] of an update
+_WORST = 0.05  # share of places that are worse than the declared quality
 _GRID, _HEIGHTS = 12, (0.0, 150.0, 400.0)  # points along a side of the map, and heights [m] above h_min
 
 
@@ -319,16 +320,16 @@ def start_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
 
 
 def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
-    """Quality over the map: that of a filter with fixes that tell as much as the ranges do at the worst place.
+    """Quality among the beacons: that of a filter with fixes that tell as much as the ranges do at a bad place.
 
-    Ranges of variance R are worth fixes of variance R / lambda, lambda the least eigenvalue of sum u u'. Where that is
-    worth less than ``position_std_max`` promises, or nothing, the estimate is not OK, so that is what is declared.
+    Ranges of variance R are worth fixes of variance R / lambda, lambda the least eigenvalue of sum u u'; it is the one
+    that a twentieth of all places are below. There a vehicle does not stay, and if it does the covariance of the
+    estimate says so, and the guarantee of the flight ends. Where ranges are worth less than ``position_std_max``
+    promises, or nothing, the estimate is not OK, so that is what is declared.
     """
-    from dataclasses import replace
-
     beacons, model = beacons_of(mission), axis_model(config, mission)
     interval = longest_gap(1.0 / beacons.rate, 1.0 - (1.0 - mission.dropout_rate) * (1.0 - beacons.dropout), config.timeout)
-    least = float(least_information(beacons, airspace(mission)).min())
+    least = float(np.quantile(least_information(beacons, mission.terrain, airspace(mission)), _WORST))
     declared = config.position_std_max**2
     std = model.fix_std / math.sqrt(least) if least > 0.0 else math.inf
     low, high = model.fix_std, model.fix_std
@@ -345,9 +346,14 @@ def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
 
 
 def airspace(mission: FlightMission) -> Array:
-    """Places (k, 3) [m] all over the map, at and above the least clearance."""
-    terrain = mission.terrain
-    x, y = (np.linspace(0.0, side, _GRID) for side in (terrain.width, terrain.depth))
+    """Places (k, 3) [m] over the box around beacons, start and target, at and above the least clearance.
+
+    Ends that are not known yet are not part of it.
+    """
+    terrain, places = mission.terrain, [*beacons_of(mission).places, mission.start, mission.target]
+    known = np.array([place[:2] for place in places if all(map(math.isfinite, place))])
+    low, high = (np.clip(each, 0.0, (terrain.width, terrain.depth)) for each in (known.min(axis=0), known.max(axis=0)))
+    x, y = (np.linspace(low[axis], high[axis], _GRID) for axis in (0, 1))
     east, north = (each.ravel() for each in np.meshgrid(x, y))
     ground = np.asarray(terrain.height(east, north)) + mission.clearance_min
     return np.concatenate([np.column_stack([east, north, ground + above]) for above in _HEIGHTS])

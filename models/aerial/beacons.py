@@ -4,7 +4,7 @@ Of beacon i at b_i (3,) [m] in the map frame a vehicle at p (3,) reads, ``rate``
 
     y_i = |p - b_i| + noise,        h = |p - b_i|,   dh/dp = u',   d2h/dp2 = (I - u u') / |p - b_i|,   u = (p - b_i) / h,
 
-NaN where there is no return: a reading was lost, or the beacon is beyond the greatest range. A fraction ``outliers`` is
+NaN where there is no return: a reading was lost, the beacon is beyond the greatest range, or the ground hides it. A fraction ``outliers`` is
 anything between zero and the greatest distance between two beacons, or the greatest range.
 
 **What ranges tell of a place.** Four beacons that are not in one plane tell it. Beacons in one plane tell it but for its
@@ -18,11 +18,13 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.bounds import Condition, Each, Fraction, NonNegative, Positive, configuration
 from mathnavi.interfaces.errors import MissionError
-from mathnavi.interfaces.protocols import StateView
+from mathnavi.interfaces.protocols import Sensor, StateView
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
 
 RANGES = "beacon_ranges"
 """name of the sensor, that of a robot's too"""
@@ -49,6 +51,7 @@ class FlightBeacons:
     maximum: Positive | None = None  # [m] greatest range, beyond which there is no return; None: no limit
     dropout: Fraction = 0.0  # fraction of single ranges that are lost
     outliers: Fraction = 0.0  # fraction of single ranges that are anything
+    line_of_sight: bool = False  # whether a beacon that the ground hides has no return; else ranges pass through it
 
     def __post_init__(self) -> None:
         if len(set(self.places)) < len(self.places):
@@ -66,9 +69,20 @@ class FlightBeacons:
         widest = float(np.linalg.norm(np.ptp(places, axis=0)))
         return self.maximum or max(widest, 1.0)
 
-    def sensor(self) -> SlantRangeSensor:
-        """Sensor of one run."""
-        return SlantRangeSensor(self, self.rate)
+    def sensor(self, terrain: HeightField) -> SlantRangeSensor:
+        """Sensor over a terrain."""
+        return SlantRangeSensor(self, terrain, self.rate)
+
+    def returns(self, terrain: HeightField, points: Array) -> NDArray[np.bool_]:
+        """True (k, n) for the beacons within reach, and in sight where that is asked, of ``points`` (k, 3) [m]."""
+        places = self.array
+        within = np.ones((len(points), len(places)), dtype=np.bool_)
+        if self.maximum is not None:
+            within &= np.linalg.norm(points[:, None, :] - places, axis=2) < self.maximum
+        if self.line_of_sight:
+            for i, place in enumerate(places):
+                within[:, i] &= terrain.visible(place, points)
+        return within
 
     def names(self) -> tuple[str, ...]:
         """Names (n,) of the beacons in messages."""
@@ -84,17 +98,15 @@ def slant_ranges(places: Array, p: Array) -> tuple[Array, Array]:
     return ranges, offsets / np.maximum(ranges, _NEAREST)[:, None]
 
 
-def least_information(beacons: FlightBeacons, points: Array) -> Array:
-    """Least eigenvalue (k,) of sum u u' over the beacons within reach of ``points`` (k, 3) [m].
+def least_information(beacons: FlightBeacons, terrain: HeightField, points: Array) -> Array:
+    """Least eigenvalue (k,) of sum u u' over the beacons that ``points`` (k, 3) [m] have a return of.
 
     Between 0, where a direction is not observed, and a third of the number of beacons. Ranges of variance R are worth
     at least as much as fixes of the position of variance R over this.
     """
-    offsets = points[:, None, :] - beacons.array[None, :, :]  # (k, n, 3)
-    ranges = np.linalg.norm(offsets, axis=2)
-    u = offsets / np.maximum(ranges, _NEAREST)[:, :, None]
-    if beacons.maximum is not None:
-        u = u * (ranges < beacons.maximum)[:, :, None]
+    offsets = points[:, None, :] - beacons.array
+    u = offsets / np.maximum(np.linalg.norm(offsets, axis=2), _NEAREST)[:, :, None]
+    u = u * beacons.returns(terrain, points)[:, :, None]
     values: Array = np.linalg.eigvalsh(np.einsum("kni,knj->kij", u, u))[:, 0]
     return np.maximum(values, 0.0)
 
@@ -108,6 +120,7 @@ class SlantRangeSensor:
     """
 
     beacons: FlightBeacons
+    terrain: HeightField
     rate: float | None  # [Hz]
     name: str = RANGES
     partial: ClassVar[bool] = True  # single values of a reading may be NaN
@@ -124,9 +137,10 @@ class SlantRangeSensor:
         reading = exact + beacons.noise * rng.standard_normal(n)
         chance, anything, lost = rng.random(n), rng.random(n), rng.random(n)
         reading = np.where(chance < beacons.outliers, beacons.longest * anything, np.abs(reading))
-        if beacons.maximum is not None:
-            reading = np.where((exact >= beacons.maximum) | (reading >= beacons.maximum), np.nan, reading)
-        return np.where(lost < beacons.dropout, np.nan, reading)
+        unread = (lost < beacons.dropout) | ~beacons.returns(self.terrain, motion.x[None, :3])[0]
+        if beacons.maximum is not None:  # by its noise
+            unread |= reading >= beacons.maximum
+        return np.where(unread, np.nan, reading)
 
 
 class FailingBeacons:
@@ -137,18 +151,20 @@ class FailingBeacons:
 
     partial: ClassVar[bool] = True
 
-    def __init__(self, sensor: SlantRangeSensor, failing: tuple[int, ...], begin: float, offset: float | None) -> None:
+    def __init__(self, sensor: Sensor, failing: tuple[int, ...], begin: float, offset: float | None) -> None:
         """``failing`` are the numbers of the beacons, ``begin`` [s] the time, ``offset`` [m] the error; None: stuck."""
         self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
         self._sensor, self._failing, self._begin, self._offset = sensor, list(failing), begin, offset
         self._count = 0
         self._held = np.full(sensor.size, np.nan)  # (n,) [m] last readings before
 
-    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
-        """Read the ranges (n,) [m] of ``motion``, those of the failing beacons with their error."""
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the ranges (n,) [m] of ``motion``, those of the failing beacons with their error; None if all are lost."""
         reading = self._sensor.read(motion, rng)
         t = 0.0 if self.rate is None else self._count / self.rate
         self._count += 1
+        if reading is None:
+            return None
         if t < self._begin:
             self._held = np.where(np.isfinite(reading), reading, self._held)
             return reading

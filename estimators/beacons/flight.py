@@ -5,7 +5,7 @@ over any time. Ranges are used one after the other, each by the second-order ext
 h up to its second derivatives. With H = (u', 0, 0), A = (d2h/dp2) P_pp, and the noise R,
 
     nu = y - h(p) - tr(A) / 2,    S = H P H' + R + tr(A A) / 2,    K = P H' / S,
-    x <- x + K nu,                P <- (I - K H) P (I - K H)' + K (S - H P H') K',
+    x <- x + K nu,                P <- P - K S K',
 
 so that near a beacon a range says less of the place than a straight line would have it.
 
@@ -41,7 +41,7 @@ from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, 
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, least_information, slant_ranges
+from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, curvature_effects, least_information, slant_ranges
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -81,20 +81,15 @@ class Side:
         d = self.x[:3] - place
         h = max(math.sqrt(float(d @ d)), 1e-6)
         u = d / h
-        P = self.P[:3, :3]
-        A = (P - np.outer(u, u @ P)) / h
-        return h + 0.5 * float(np.trace(A)), u, R + 0.5 * float(np.einsum("ij,ji->", A, A))
+        mean, variance = curvature_effects(self.P[:3, :3], u, h)
+        return h + mean, u, R + variance
 
     def condition(self, H: Array, nu: float, R: float) -> None:
         """Condition on an innovation nu with H (3,) of the position and noise of variance R."""
         PH = self.P[:, :3] @ H
         S = float(H @ PH[:3]) + R
-        K = PH / S
-        self.x = self.x + K * nu
-        kept = _I9.copy()
-        kept[:, :3] -= np.outer(K, H)
-        P = kept @ self.P @ kept.T + R * np.outer(K, K)
-        self.P = 0.5 * (P + P.T)
+        self.x = self.x + PH * (nu / S)
+        self.P = self.P - PH[:, None] * (PH / S)
 
     def image(self, centre: Array, normal: Array) -> Side:
         """Mirror image in a plane."""
@@ -166,10 +161,11 @@ class FlightRangeFilter:
 
     def _take(self, t: float, value: Array, *, ranges: bool) -> None:
         """Condition on the ranges (n,) or the fix (3,) of t [s]."""
-        infinite = np.isinf(value) | ((value < 0.0) if ranges else False)
-        if infinite.any():
-            self._counts.add(Unused.NOT_FINITE if np.isinf(value).any() else Unused.OUT_OF_RANGE, int(infinite.sum()))
-        good = np.flatnonzero(np.isfinite(value) & ~infinite)
+        infinite, impossible = np.isinf(value), (value < 0.0) & ranges & np.isfinite(value)
+        for reason, numbers in ((Unused.NOT_FINITE, infinite), (Unused.OUT_OF_RANGE, impossible)):
+            if numbers.any():
+                self._counts.add(reason, int(numbers.sum()))
+        good = np.flatnonzero(np.isfinite(value) & ~impossible)
         if not len(good):
             return
         if ranges and self._is_lost():
@@ -212,7 +208,10 @@ class FlightRangeFilter:
 
     def _is_lost(self) -> bool:
         """True where the position is so uncertain that derivatives at it mean nothing."""
-        largest = float(np.linalg.eigvalsh(self._now.P[:3, :3])[-1])
+        P = self._now.P[:3, :3]
+        if float(P.trace()) <= self._bound:  # which is no less than the largest eigenvalue
+            return False
+        largest = float(np.linalg.eigvalsh(P)[-1])
         h, _ = slant_ranges(self._places, self._now.x[:3])
         return largest > max(self._bound, (_LINEAR * float(h.min())) ** 2)
 
@@ -275,8 +274,7 @@ class FlightRangeFilter:
             return Status.LOST, "does not know where it is well enough to use single ranges"
         if self._other is not None:
             return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
-        largest = float(np.linalg.eigvalsh(P[:3, :3])[-1])
-        if largest > self._bound:
+        if P[:3, :3].trace() > self._bound and (largest := float(np.linalg.eigvalsh(P[:3, :3])[-1])) > self._bound:
             deviation = math.sqrt(largest)
             return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
         return status, ""

@@ -19,7 +19,7 @@ from scipy.special import chdtri
 from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, QUIET, Flags, Thresholds, Windows, Worst
 from mathnavi.estimators.integrity.witness import is_plausible
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
-from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges
+from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, curvature_effects, slant_ranges
 from mathnavi.models.aerial.mission import FlightMission
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class RangeWitness:
         self.windows = Windows(thresholds, len(self.names), 1.0 - m + m * CLIP**2)
         self._nothing = np.full(len(self.names), np.nan)
         self._last, self._first, self._moved = (self._nothing.copy() for _ in range(3))
-        self._repeats = np.zeros(len(self.names), dtype=np.int64)
+        self._repeats, self._most = np.zeros(len(self.names), dtype=np.int64), 0
         self._worst = QUIET
         self._level = np.full(1, np.nan)
 
@@ -87,12 +87,11 @@ class RangeWitness:
         p = before.x[:3] + h * before.x[3:] + 0.5 * h * h * (command + before.extra["gust"])
         C = P[:3, :3] + h * (P[:3, 3:] + P[3:, :3]) + h * h * P[3:, 3:] + 0.25 * h**4 * self._gust * np.eye(3)
         ranges, H = slant_ranges(self._places, p)
-        traces, R = np.empty(n), self._R.copy()
+        means, R = np.empty(n), self._R.copy()
         for i, u in enumerate(H):
-            A = (C - np.outer(u, u @ C)) / max(ranges[i], 1e-6)
-            traces[i] = np.trace(A)
-            R[i] += 0.5 * np.einsum("ij,ji->", A, A)
-        expected = ranges + 0.5 * traces
+            means[i], variance = curvature_effects(C, u, max(ranges[i], 1e-6))
+            R[i] += variance
+        expected = ranges + means
         if len(self.names) > n:
             expected, H = np.append(expected, p), np.vstack([H, np.eye(3)])
         return expected, H @ C @ H.T + np.diag(R)
@@ -114,6 +113,7 @@ class RangeWitness:
     def _note_repeats(self, y: Array, expected: Array, read: Flags) -> None:
         same = read & (y == self._last)
         self._repeats = np.where(same, self._repeats + 1, np.where(read, 0, self._repeats))
+        self._most = int(self._repeats.max())
         self._first = np.where(read & ~same, expected, self._first)
         self._moved = np.where(read, expected, self._moved)
         self._last = np.where(read, y, self._last)
@@ -124,6 +124,8 @@ class RangeWitness:
         return self._level
 
     def stuck(self) -> list[int]:
+        if self._most < _REPEATS:
+            return []
         moved = np.abs(self._moved - self._first) > _MOVED * np.sqrt(self._R)
         return np.flatnonzero((self._repeats >= _REPEATS) & moved).tolist()
 

@@ -98,6 +98,18 @@ def slant_ranges(places: Array, p: Array) -> tuple[Array, Array]:
     return ranges, offsets / np.maximum(ranges, _NEAREST)[:, None]
 
 
+def curvature_effects(P: Array, u: Array, h: float) -> tuple[float, float]:
+    """Mean [m] and variance [m^2] that the second derivative adds to a range h [m] of direction u (3,), for a position
+    of covariance P (3, 3) [m^2].
+
+    tr(A) / 2 and tr(A A) / 2 with A = (I - u u') P / h.
+    """
+    Pu = P @ u
+    along = float(u @ Pu)
+    square = float(np.vdot(P, P)) - 2.0 * float(Pu @ Pu) + along * along
+    return 0.5 * (float(P.trace()) - along) / h, 0.5 * max(square, 0.0) / (h * h)
+
+
 def least_information(beacons: FlightBeacons, terrain: HeightField, points: Array) -> Array:
     """Least eigenvalue (k,) of sum u u' over the beacons that ``points`` (k, 3) [m] have a return of.
 

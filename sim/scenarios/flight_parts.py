@@ -24,7 +24,7 @@ from mathnavi.models.terrain.library import load_terrain, place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.plugin.registry import PluginSpec, checked_quality, checked_sensors
+from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality, checked_sensors
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise
@@ -122,7 +122,7 @@ def mission_but_ends(
         mission = dataclasses.replace(mission, beacons=beacons)
     if beacons is not None and RANGES not in {each.name for each in checked_sensors(estimator, mission)}:
         raise MissionError(
-            f"beacons.places are not read by the estimator {estimator.name}; allowed: one that reads ranges to "
+            f"beacons.places are not read by the estimator {called('estimators', estimator.name)}; allowed: one that reads ranges to "
             "beacons, such as kalman"
         )
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))

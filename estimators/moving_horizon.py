@@ -225,8 +225,7 @@ class MovingHorizonEstimator:
 
 
 def _by_fixes(mission: FlightMission) -> FlightMission:
-    """Mission without the beacons that it may have: a window of readings does not tell which image of a place is right.
-    """
+    """Mission without the beacons that it may have: a window does not tell which image of a place is right."""
     return mission if mission.beacons is None else replace(mission, beacons=None)
 
 

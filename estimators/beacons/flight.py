@@ -326,7 +326,9 @@ def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
     promises, or nothing, the estimate is not OK, so that is what is declared.
     """
     beacons, model = beacons_of(mission), axis_model(config, mission)
-    interval = longest_gap(1.0 / beacons.rate, 1.0 - (1.0 - mission.dropout_rate) * (1.0 - beacons.dropout), config.timeout)
+    interval = longest_gap(
+        1.0 / beacons.rate, 1.0 - (1.0 - mission.dropout_rate) * (1.0 - beacons.dropout), config.timeout
+    )
     least = float(np.quantile(least_information(beacons, mission.terrain, airspace(mission)), _WORST))
     declared = config.position_std_max**2
     std = model.fix_std / math.sqrt(least) if least > 0.0 else math.inf

@@ -70,9 +70,12 @@ def _located(places: Array, ranges: Array, variance: float) -> tuple[Array, Arra
     centre = places.mean(axis=0)
     B = places - centre
     squares = np.square(ranges)
-    p = centre + np.linalg.lstsq(
-        2.0 * B, np.square(B).sum(axis=1) - np.square(B).sum(axis=1).mean() - squares + squares.mean(), rcond=None
-    )[0]
+    p = (
+        centre
+        + np.linalg.lstsq(
+            2.0 * B, np.square(B).sum(axis=1) - np.square(B).sum(axis=1).mean() - squares + squares.mean(), rcond=None
+        )[0]
+    )
     for _ in range(_STEPS):
         h, H = slant_ranges(places, p)
         step = np.linalg.lstsq(H, ranges - h, rcond=None)[0]

@@ -2,13 +2,15 @@
 
 Of beacon i at b_i (3,) [m] in the map frame a vehicle at p (3,) reads, ``rate`` times a second,
 
-    y_i = |p - b_i| + noise,        h = |p - b_i|,   dh/dp = u',   d2h/dp2 = (I - u u') / |p - b_i|,   u = (p - b_i) / h,
+    y_i = |p - b_i| + noise,      h = |p - b_i|,      u = (p - b_i) / h,      dh/dp = u',      d2h/dp2 = (I - u u') / h,
 
-NaN where there is no return: a reading was lost, the beacon is beyond the greatest range, or the ground hides it. A fraction ``outliers`` is
-anything between zero and the greatest distance between two beacons, or the greatest range.
+NaN where there is no return: a reading was lost, the beacon is beyond the greatest range, or the ground hides it. A
+fraction ``outliers`` is anything between zero and the greatest range, or the diagonal of the box around all beacons.
 
-**What ranges tell of a place.** Four beacons that are not in one plane tell it. Beacons in one plane tell it but for its
-mirror image on the other side, those on one line but for a circle about the line, and one but for a sphere. The information of a reading about the position is u u' / noise^2; ``least_information`` is the least eigenvalue of their sum.
+**What ranges tell of a place.** Four beacons that are not in one plane tell it. Beacons in one plane tell it but for
+its mirror image on the other side, those on one line but for a circle about the line, and one but for a sphere. The
+information of a reading about the position is u u' / noise^2; ``least_information`` is the least eigenvalue of their
+sum.
 """
 
 from __future__ import annotations
@@ -171,7 +173,10 @@ class FailingBeacons:
         self._held = np.full(sensor.size, np.nan)  # (n,) [m] last readings before
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
-        """Read the ranges (n,) [m] of ``motion``, those of the failing beacons with their error; None if all are lost."""
+        """Read the ranges (n,) [m] of ``motion``, those of the failing beacons with their error.
+
+        None where all are lost.
+        """
         reading = self._sensor.read(motion, rng)
         t = 0.0 if self.rate is None else self._count / self.rate
         self._count += 1
@@ -187,4 +192,3 @@ class FailingBeacons:
         else:
             reading[failing] = np.abs(reading[failing] + self._offset)
         return reading
-

@@ -121,9 +121,10 @@ def mission_but_ends(
     if beacons is not None:
         mission = dataclasses.replace(mission, beacons=beacons)
     if beacons is not None and RANGES not in {each.name for each in checked_sensors(estimator, mission)}:
+        name = called("estimators", estimator.name)
         raise MissionError(
-            f"beacons.places are not read by the estimator {called('estimators', estimator.name)}; allowed: one that reads ranges to "
-            "beacons, such as kalman"
+            f"beacons.places = {beacons.places!r}: the estimator {name} does not read them; allowed: one that reads "
+            "ranges to beacons, such as kalman"
         )
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 

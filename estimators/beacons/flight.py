@@ -13,14 +13,15 @@ Where the position is so uncertain that no derivative at it means anything, rang
 themselves (``flight_geometry.located``), which is a fix.
 
 **Mirror images.** The ranges to beacons in one plane, or nearly, fit the mirror image too. The start is known, and so
-the side; where the distance to that plane is within 5 deviations it no longer is. From when on the vehicle has left the
-plane, two filters are run, one on either side, until the readings are a million times as likely for one of them: the
-input is known, and the motion that it causes on the other side is the mirrored one only without any.
+the side, until the position may be on the other: by its Gaussian, with the probability of a tail, or where that covers
+both, as likely as not. From when on both are apart, two filters are run, one on either side, until one is 1e5 times as
+likely: the input is known, and the motion that it causes on the other side is the mirrored one only without any.
 
 **What is said OK**: ranges come, those to beacons at fault are left out (``flight_witness``), the standard deviation of
 the position is at most ``position_std_max`` in every direction, and no image is left. With fewer than four beacons, or
 four in a plane, or on a line, a direction is not observed or seldom, and its variance grows as that of dead reckoning
-does: the estimate is OK for as long as that is within the bound.
+does: the estimate is OK for as long as that is within the bound. Once it was not, beacons on a line do not make it OK
+again: derivatives at a wrong place seem to tell the angle about the line.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
-from scipy.special import chdtri
+from scipy.special import chdtri, log_ndtr
 
 from mathnavi.estimators.beacons.flight_geometry import image_is_excluded, located, mirrored, plane_of
 from mathnavi.estimators.beacons.flight_witness import RangeWitness
@@ -53,9 +54,8 @@ FIXES = "position"
 _I9, _I3 = np.eye(9), np.eye(3)
 _OUTLIER = float(chdtri(1, 1e-9))
 _LASTING = 10  # readings of which most are refused, in a row
-_NEAR = 5.0  # deviations from the plane of the beacons within which the side is not known
 _LINEAR = 0.1  # of the nearest range: largest deviation of a position at which a derivative means something
-_SURE = math.log(1e6)  # of the likelihoods of two sides
+_SURE = math.log(1e5)  # how much likelier one of two sides is, to be the only one
 _COST = 2e-4  # [s] of an update
 _WORST = 0.05  # share of places that are worse than the declared quality
 _GRID, _HEIGHTS = 12, (0.0, 150.0, 400.0)  # points along a side of the map, and heights [m] above h_min
@@ -114,7 +114,8 @@ class FlightRangeFilter:
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._now = Side(np.array([*mission.start, *np.zeros(6)]), np.kron(start_covariance(config, mission), _I3))
         self._other: Side | None = None  # on the other side of the plane of the beacons
-        self._side_unknown = False
+        self._covers_both = False  # whether the position is on either side as far as its covariance says
+        self._wide = False  # whether it was too uncertain since beacons in a plane, or a fix, told the position
         self._t: float | None = None  # [s] of the state
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
         self._heard = np.full(len(self._places), -math.inf)  # [s] of the last range used
@@ -187,7 +188,9 @@ class FlightRangeFilter:
             self._timeout.note(t, agrees=fits)
         if ranges:
             self._heard[good[~refused]] = t
-        self._choose_side(t)
+            self._choose_side(t)
+        elif not refused.any():
+            self._wide = self._covers_both = False
 
     def _use(self, side: Side, i: int, y: float, ranges: bool, *, counted: bool = True) -> float:
         """Use a range to beacon i or number i of a fix; return the normalised square of its innovation."""
@@ -228,32 +231,51 @@ class FlightRangeFilter:
         kept[:, :3] -= K
         P = kept @ P @ kept.T + K @ R @ K.T
         self._now = Side(x + K @ (p - x[:3]), 0.5 * (P + P.T))
-        self._heard[good], self._side_unknown = t, False
+        self._heard[good], self._covers_both, self._wide = t, False, False
         self._timeout.note(t)
         self._timeout.restart(t)
 
+    def _is_wide(self) -> bool:
+        """True where the standard deviation of the position in a direction is more than is OK."""
+        P = self._now.P[:3, :3]
+        return float(P.trace()) > self._bound and float(np.linalg.eigvalsh(P)[-1]) > self._bound
+
     def _choose_side(self, t: float) -> None:
-        """Keep a filter on the other side of the plane of the beacons while that may be the right one."""
+        """Keep a filter on the other side of the plane of the beacons while that may be the right one.
+
+        It may be as far as the Gaussian of the position reaches there, and once that covers both sides alike, both are
+        as likely from when on they part again.
+        """
         if self._other is not None:
             more = self._now.log_likelihood - self._other.log_likelihood
             if more < 0.0:
                 self._now, self._other = self._other, self._now
             if abs(more) > _SURE:
-                self._other, self._side_unknown = None, False
+                self._other = None
+        if self._is_wide():  # it may have gone about a line of beacons to the other side of any plane
+            self._wide = self._covers_both = True
         places = self._places[self._heard >= t - self._timeout.longest]
         plane = plane_of(places)
         if plane is None:
             return
+        self._wide = False
         centre, normal = plane
         P, p = self._now.P[:3, :3], self._now.x[:3]
-        near = abs(float(normal @ (p - centre))) < _NEAR * math.sqrt(float(normal @ P @ normal))
-        if near:
-            self._side_unknown, self._other = True, None
+        deviations = abs(float(normal @ (p - centre))) / math.sqrt(max(float(normal @ P @ normal), 1e-12))
+        if deviations < 1.0:
+            self._covers_both, self._other = True, None
         elif image_is_excluded(places, p, self._R):
-            self._side_unknown, self._other = False, None
-        elif self._side_unknown and self._other is None:
-            self._now.log_likelihood = 0.0
-            self._other = self._now.image(centre, normal)
+            self._covers_both, self._other = False, None
+        else:
+            beyond = 0.0 if self._covers_both else float(log_ndtr(-deviations) - log_ndtr(deviations))
+            self._covers_both = False
+            if beyond > -_SURE:
+                if self._other is None:
+                    self._now.log_likelihood = 0.0
+                    self._other = self._now.image(centre, normal)
+                    self._other.log_likelihood = beyond
+                least = self._now.log_likelihood + beyond
+                self._other.log_likelihood = max(self._other.log_likelihood, least)
 
     def _estimate(self, t: float) -> Estimate:
         x, P = self._now.x, self._now.P[:6, :6].copy()
@@ -274,9 +296,11 @@ class FlightRangeFilter:
             return Status.LOST, "does not know where it is well enough to use single ranges"
         if self._other is not None:
             return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
-        if P[:3, :3].trace() > self._bound and (largest := float(np.linalg.eigvalsh(P[:3, :3])[-1])) > self._bound:
-            deviation = math.sqrt(largest)
+        if self._is_wide():
+            deviation = math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))
             return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
+        if self._wide:
+            return worst(status, Status.DEGRADED), "has lost its place about a line of beacons, or a single one"
         return status, ""
 
 

@@ -15,7 +15,8 @@ themselves (``flight_geometry.located``), which is a fix.
 **Mirror images.** The ranges to beacons in one plane, or nearly, fit the mirror image too. The start is known, and so
 the side, until the position may be on the other: by its Gaussian, with the probability of a tail, or where that covers
 both, as likely as not. From when on both are apart, two filters are run, one on either side, until one is 1e5 times as
-likely: the input is known, and the motion that it causes on the other side is the mirrored one only without any.
+likely by four beacons or more: the input is known, and the motion that it causes on the other side is the mirrored one
+only without any.
 
 **What is said OK**: ranges come, those to beacons at fault are left out (``flight_witness``), the standard deviation of
 the position is at most ``position_std_max`` in every direction, and no image is left. With fewer than four beacons, or
@@ -35,7 +36,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri, log_ndtr
 
-from mathnavi.estimators.beacons.flight_geometry import image_is_excluded, located, mirrored, plane_of
+from mathnavi.estimators.beacons.flight_geometry import EXCLUDED, image_separation, located, mirrored, plane_of
 from mathnavi.estimators.beacons.flight_witness import RangeWitness
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
@@ -56,6 +57,8 @@ _OUTLIER = float(chdtri(1, 1e-9))
 _LASTING = 10  # readings of which most are refused, in a row
 _LINEAR = 0.1  # of the nearest range: largest deviation of a position at which a derivative means something
 _SURE = math.log(1e5)  # how much likelier one of two sides is, to be the only one
+_EVIDENCE = 0.25  # of it that the motion may tell in an instant: what a fault does passes
+_NO_SPARE = 3  # beacons, of which each is needed: then a fault of one is no less likely than the other side
 _COST = 2e-4  # [s] of an update
 _WORST = 0.05  # share of places that are worse than the declared quality
 _GRID, _HEIGHTS = 12, (0.0, 150.0, 400.0)  # points along a side of the map, and heights [m] above h_min
@@ -67,7 +70,7 @@ class Side:
 
     x: Array  # (9,) p [m], v [m/s], g [m/s^2]
     P: Array  # (9, 9)
-    log_likelihood: float = 0.0
+    gained: float = 0.0  # logarithm of the likelihood of the readings of an instant
 
     def predict(self, F: Array, B: Array, Q: Array) -> None:
         """Predict by F (9, 9), the effect B (9,) of the input and the noise Q (9, 9)."""
@@ -114,6 +117,9 @@ class FlightRangeFilter:
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._now = Side(np.array([*mission.start, *np.zeros(6)]), np.kron(start_covariance(config, mission), _I3))
         self._other: Side | None = None  # on the other side of the plane of the beacons
+        self._separation = 0.0  # D of it
+        self._instants = max(1.0, beacons.rate * config.timeout)  # at which ranges are read while it is not lost
+        self._likelier = 0.0  # logarithm of how much less likely that is
         self._covers_both = False  # whether the position is on either side as far as its covariance says
         self._wide = False  # whether it was too uncertain since beacons in a plane, or a fix, told the position
         self._t: float | None = None  # [s] of the state
@@ -176,6 +182,10 @@ class FlightRangeFilter:
         if self._other is not None:
             for i in good.tolist():
                 self._use(self._other, i, value[i], ranges, counted=False)
+            more, most = self._now.gained - self._other.gained, max(_EVIDENCE, self._separation / 8.0)
+            self._likelier += min(max(more, -most), most)
+        for side in self._sides():
+            side.gained = 0.0
         refused = np.array(squares) > _OUTLIER
         if refused.any():
             self._counts.add(Unused.OUTLIER, int(refused.sum()))
@@ -200,7 +210,7 @@ class FlightRangeFilter:
             expected, H, R = float(side.x[i]), _I3[i], self._fix_variance
         nu, S = y - expected, float(H @ side.P[:3, :3] @ H) + R
         square = nu * nu / S
-        side.log_likelihood -= 0.5 * (min(square, _OUTLIER) + math.log(S))
+        side.gained -= 0.5 * (min(square, _OUTLIER) + math.log(S))
         if ranges and counted:
             self._nu[:, i] = nu, math.sqrt(S)
         if square <= _OUTLIER:
@@ -246,15 +256,16 @@ class FlightRangeFilter:
         It may be as far as the Gaussian of the position reaches there, and once that covers both sides alike, both are
         as likely from when on they part again.
         """
+        places = self._places[self._heard >= t - self._timeout.longest]
         if self._other is not None:
-            more = self._now.log_likelihood - self._other.log_likelihood
-            if more < 0.0:
-                self._now, self._other = self._other, self._now
-            if abs(more) > _SURE:
+            if self._likelier < 0.0:
+                self._now, self._other, self._likelier = self._other, self._now, -self._likelier
+            d = self._other.x[:3] - self._now.x[:3]
+            met = float(d @ np.linalg.solve(self._now.P[:3, :3], d)) < 1.0  # readings have led both to one place
+            if met or (self._likelier > _SURE and len(places) > _NO_SPARE):
                 self._other = None
         if self._is_wide():  # it may have gone about a line of beacons to the other side of any plane
             self._wide = self._covers_both = True
-        places = self._places[self._heard >= t - self._timeout.longest]
         plane = plane_of(places)
         if plane is None:
             return
@@ -262,23 +273,24 @@ class FlightRangeFilter:
         centre, normal = plane
         P, p = self._now.P[:3, :3], self._now.x[:3]
         deviations = abs(float(normal @ (p - centre))) / math.sqrt(max(float(normal @ P @ normal), 1e-12))
+        self._separation = image_separation(places, p, self._R)
         if deviations < 1.0:
             self._covers_both, self._other = True, None
-        elif image_is_excluded(places, p, self._R):
+        elif self._separation * self._instants > EXCLUDED:
             self._covers_both, self._other = False, None
         else:
             beyond = 0.0 if self._covers_both else float(log_ndtr(-deviations) - log_ndtr(deviations))
             self._covers_both = False
             if beyond > -_SURE:
                 if self._other is None:
-                    self._now.log_likelihood = 0.0
-                    self._other = self._now.image(centre, normal)
-                    self._other.log_likelihood = beyond
-                least = self._now.log_likelihood + beyond
-                self._other.log_likelihood = max(self._other.log_likelihood, least)
+                    self._other, self._likelier = self._now.image(centre, normal), -beyond
+                self._likelier = min(self._likelier, -beyond)
 
     def _estimate(self, t: float) -> Estimate:
         x, P = self._now.x, self._now.P[:6, :6].copy()
+        if self._other is not None:  # either side, by its probability
+            d = self._other.x[:6] - x[:6]
+            P += np.outer(d, d) / (1.0 + math.exp(self._likelier))
         status, message = self._status(t, P)
         extra: Mapping[str, Array] = {
             "gust": x[6:].copy(),
@@ -292,6 +304,8 @@ class FlightRangeFilter:
         status = self._timeout.status(t, P)
         if status is Status.INITIALISING:
             return status, waiting(status, "a range")
+        if self._wide:
+            return Status.LOST, "has lost its place about a line of beacons, or a single one"
         if self._is_lost():
             return Status.LOST, "does not know where it is well enough to use single ranges"
         if self._other is not None:
@@ -299,8 +313,6 @@ class FlightRangeFilter:
         if self._is_wide():
             deviation = math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))
             return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
-        if self._wide:
-            return worst(status, Status.DEGRADED), "has lost its place about a line of beacons, or a single one"
         return status, ""
 
 
@@ -311,11 +323,41 @@ def beacons_of(mission: FlightMission) -> FlightBeacons:
     return mission.beacons
 
 
+class GuardedFlight(Guarded):
+    """The filter with its monitor.
+
+    What disagreed once, and agrees again, says nothing where each reading is needed: the filter has followed a beacon
+    at fault. There an alarm is remembered until there are readings to spare, more than three numbers.
+    """
+
+    def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
+        witness = RangeWitness(beacons_of(mission), mission, config)
+        spare = len(witness.names) - 1
+        super().__init__(FlightRangeFilter(config, mission), witness, most_out=min(2, spare), cost=_COST)
+        self._alarm, self._timeout, self._fixed = False, config.timeout, -math.inf
+        self._heard_at = np.full(len(beacons_of(mission).places), -math.inf)  # [s]
+        self._fixes = config.fixes
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        estimate = super().update(t, measurements, command)
+        extra = estimate.extra
+        self._alarm = self._alarm or float(extra["integrity"][0]) > 1.0
+        self._heard_at[np.isfinite(extra["innovations"])] = t
+        if self._fixes and any(each.name == FIXES and np.isfinite(each.value).all() for each in measurements):
+            self._fixed = t
+        numbers = int((self._heard_at >= t - self._timeout).sum()) + 3 * (self._fixed >= t - self._timeout)
+        if not self._alarm or estimate.status is not Status.OK:
+            return estimate
+        if numbers > _NO_SPARE:
+            self._alarm = False
+            return estimate
+        message = "disagreed with a beacon, and has none to spare that would tell which"
+        return replace(estimate, status=Status.DEGRADED, message=message)
+
+
 def guarded(config: KalmanConfig, mission: FlightMission) -> Guarded:
-    """The filter with its monitor; as many beacons as that may be left out leave one, or a fix."""
-    witness = RangeWitness(beacons_of(mission), mission, config)
-    spare = len(witness.names) - 1
-    return Guarded(FlightRangeFilter(config, mission), witness, most_out=min(2, spare), cost=_COST)
+    """The filter with its monitor."""
+    return GuardedFlight(config, mission)
 
 
 def axis_model(config: KalmanConfig, mission: FlightMission) -> AxisModel:

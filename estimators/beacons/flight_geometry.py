@@ -17,7 +17,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.beacons import slant_ranges
 
 _FEWEST = 4  # ranges that tell a place
-_IMAGE = 40.0  # D of a mirror image that is excluded
+EXCLUDED = 40.0  # D of a mirror image that is excluded
 _FLAT = 1e-9  # of the largest singular value: points in a plane
 _CHANCE = 1e-6  # that the residuals of good ranges are larger
 _STEPS, _SETTLED = 20, 1e-6  # of Gauss-Newton, and the last one [m]
@@ -38,14 +38,16 @@ def mirrored(p: Array, centre: Array, normal: Array) -> Array:
     return image
 
 
-def image_is_excluded(places: Array, p: Array, variance: float) -> bool:
-    """True if one range to each of ``places`` (m, 3), of a ``variance`` [m^2], tells p (3,) from its mirror image."""
+def image_separation(places: Array, p: Array, variance: float) -> float:
+    """D between p (3,) and its mirror image, of one range to each of ``places`` (m, 3), of a ``variance`` [m^2]; 0 for
+    places on a line.
+    """
     plane = plane_of(places)
     if plane is None:
-        return False
+        return 0.0
     here, _ = slant_ranges(places, p)
     there, _ = slant_ranges(places, mirrored(p, *plane))
-    return float(np.square(there - here).sum()) > _IMAGE * variance
+    return float(np.square(there - here).sum()) / variance
 
 
 def located(places: Array, ranges: Array, variance: float) -> tuple[Array, Array] | None:
@@ -88,7 +90,7 @@ def _located(places: Array, ranges: Array, variance: float) -> tuple[Array, Arra
     if float(np.square(ranges - h).sum()) > chdtri(max(len(ranges) - 3, 1), _CHANCE) * variance:
         return None
     information = H.T @ H / variance
-    if np.linalg.cond(information) > 1.0 / _FLAT or not image_is_excluded(places, p, variance):
+    if np.linalg.cond(information) > 1.0 / _FLAT or image_separation(places, p, variance) < EXCLUDED:
         return None
     covariance: Array = np.linalg.inv(information)
     return p, 0.5 * (covariance + covariance.T)

@@ -19,10 +19,11 @@ likely by four beacons or more: the input is known, and the motion that it cause
 only without any.
 
 **What is said OK**: ranges come, those to beacons at fault are left out (``flight_witness``), the standard deviation of
-the position is at most ``position_std_max`` in every direction, and no image is left. With fewer than four beacons, or
-four in a plane, or on a line, a direction is not observed or seldom, and its variance grows as that of dead reckoning
-does: the estimate is OK for as long as that is within the bound. Once it was not, beacons on a line do not make it OK
-again: derivatives at a wrong place seem to tell the angle about the line.
+the position is at most ``position_std_max`` in every direction, and no image is left that is farther away than that;
+the covariance covers both. With fewer than four beacons, or four in a plane, or on a line, a direction is not observed
+or seldom, and its variance grows as that of dead reckoning does: the estimate is OK for as long as that is within the
+bound. Once it was not, beacons on a line do not make it OK again: derivatives at a wrong place seem to tell the angle
+about the line. With three beacons nothing reveals a fault of one of them that grows slower than gusts would explain.
 """
 
 from __future__ import annotations
@@ -245,6 +246,13 @@ class FlightRangeFilter:
         self._timeout.note(t)
         self._timeout.restart(t)
 
+    def _are_apart(self) -> bool:
+        """True where it may be on either side, and these are farther from each other than a deviation that is OK."""
+        if self._other is None:
+            return False
+        d = self._other.x[:3] - self._now.x[:3]
+        return float(d @ d) > self._bound
+
     def _is_wide(self) -> bool:
         """True where the standard deviation of the position in a direction is more than is OK."""
         P = self._now.P[:3, :3]
@@ -288,9 +296,9 @@ class FlightRangeFilter:
 
     def _estimate(self, t: float) -> Estimate:
         x, P = self._now.x, self._now.P[:6, :6].copy()
-        if self._other is not None:  # either side, by its probability
+        if self._other is not None:  # either side: one by its probability, where it is far, else both alike
             d = self._other.x[:6] - x[:6]
-            P += np.outer(d, d) / (1.0 + math.exp(self._likelier))
+            P += np.outer(d, d) * (1.0 / (1.0 + math.exp(self._likelier)) if self._are_apart() else 0.5)
         status, message = self._status(t, P)
         extra: Mapping[str, Array] = {
             "gust": x[6:].copy(),
@@ -308,10 +316,9 @@ class FlightRangeFilter:
             return Status.LOST, "has lost its place about a line of beacons, or a single one"
         if self._is_lost():
             return Status.LOST, "does not know where it is well enough to use single ranges"
-        if self._other is not None:
+        if self._are_apart():
             return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
-        if self._is_wide():
-            deviation = math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))
+        if (deviation := math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))) > math.sqrt(self._bound):
             return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
         return status, ""
 

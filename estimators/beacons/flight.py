@@ -43,7 +43,7 @@ from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
 from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, curvature_effects, least_information, slant_ranges
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.sensor_faults import longest_gap
@@ -97,7 +97,7 @@ class Side:
 
     def image(self, centre: Array, normal: Array) -> Side:
         """Mirror image in a plane."""
-        M = np.kron(_I3, _I3 - 2.0 * np.outer(normal, normal))
+        M: Array = np.asarray(np.kron(_I3, _I3 - 2.0 * np.outer(normal, normal)), np.float64)
         x = M @ self.x
         x[:3] = mirrored(self.x[:3], centre, normal)
         return Side(x, M @ self.P @ M.T)
@@ -116,7 +116,7 @@ class FlightRangeFilter:
         interval = 1.0 / max(beacons.rate, mission.position_rate if config.fixes else 0.0)
         self._timeout = TimeoutMonitor(config.timeout, interval)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
-        self._now = Side(np.array([*mission.start, *np.zeros(6)]), np.kron(start_covariance(config, mission), _I3))
+        self._now = Side(np.array([*mission.start, *np.zeros(6)]), _thrice(start_covariance(config, mission)))
         self._other: Side | None = None  # on the other side of the plane of the beacons
         self._separation = 0.0  # D of it
         self._instants = max(1.0, beacons.rate * config.timeout)  # at which ranges are read while it is not lost
@@ -158,7 +158,7 @@ class FlightRangeFilter:
         key = round(h, 10)
         if key not in self._discrete:
             F, B, Q = self._model.discretised(h)
-            self._discrete[key] = np.kron(F, _I3), B, np.kron(Q, _I3)
+            self._discrete[key] = _thrice(F), B, _thrice(Q)
         F, B, Q = self._discrete[key]
         for side in self._sides():
             side.predict(F, np.outer(B, command).ravel(), Q)
@@ -229,7 +229,7 @@ class FlightRangeFilter:
         h, _ = slant_ranges(self._places, self._now.x[:3])
         return largest > max(self._bound, (_LINEAR * float(h.min())) ** 2)
 
-    def _find(self, t: float, ranges: Array, good: Array) -> None:
+    def _find(self, t: float, ranges: Array, good: Integers) -> None:
         """Begin again from ranges that tell a place by themselves."""
         self._other, self._refused = None, 0
         found = located(self._places[good], ranges[good], self._R)
@@ -430,6 +430,11 @@ def airspace(mission: FlightMission) -> Array:
     east, north = (each.ravel() for each in np.meshgrid(x, y))
     ground = np.asarray(terrain.height(east, north)) + mission.clearance_min
     return np.concatenate([np.column_stack([east, north, ground + above]) for above in _HEIGHTS])
+
+
+def _thrice(block: Array) -> Array:
+    """Matrix (9, 9) of three axes that are alike from that of one (3, 3)."""
+    return np.asarray(np.kron(block, _I3), np.float64)
 
 
 def _stationary(model: AxisModel, interval: float) -> tuple[Array, Array]:

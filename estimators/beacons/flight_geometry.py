@@ -92,5 +92,5 @@ def _located(places: Array, ranges: Array, variance: float) -> tuple[Array, Arra
     information = H.T @ H / variance
     if np.linalg.cond(information) > 1.0 / _FLAT or image_separation(places, p, variance) < EXCLUDED:
         return None
-    covariance: Array = np.linalg.inv(information)
+    covariance: Array = np.asarray(np.linalg.inv(information), np.float64)
     return p, 0.5 * (covariance + covariance.T)

@@ -145,7 +145,7 @@ class Kalman:
         """
         by_ranges = None
         if mission.beacons is not None:
-            from mathnavi.estimators.beacons.flight import quality
+            from mathnavi.estimators.beacons.flight_quality import quality
 
             by_ranges = quality(config, mission)
             if not config.fixes:

@@ -57,7 +57,8 @@ def range_bound(recording: Recording, name: str, mission: FlightMission, beacons
 
     The derivatives of the ranges are those at the true places.
     """
-    from mathnavi.estimators.kalman import AxisModel, clipped_rms  # takes a while to import
+    from mathnavi.estimators.beacons.flight_quality import thrice  # these take a while to import
+    from mathnavi.estimators.kalman import AxisModel, clipped_rms
 
     agent, n = recording.agents[name], recording.length
     ranges, fixes = agent.readings.get(RANGES), agent.readings.get("position")
@@ -67,14 +68,14 @@ def range_bound(recording: Recording, name: str, mission: FlightMission, beacons
     if not (beacons.noise > 0.0 and rms > 0.0) or (fixes is not None and not mission.position_noise > 0.0):
         return PosteriorBound.none("the readings are declared exact, or no gusts are declared", n)
     axis = AxisModel(rms, mission.gust.time_constant, beacons.noise)
-    recursion = BoundRecursion(covariance=np.kron(np.diag([0.0, 0.0, rms**2]), np.eye(3)))
+    recursion = BoundRecursion(covariance=thrice(np.diag([0.0, 0.0, rms**2])))
     variance, discrete = np.zeros((n, 6)), dict[float, tuple[Array, Array]]()
     x = recording.truths[name][:n]
     for k, h in enumerate([0.0, *(round(each, 10) for each in np.diff(recording.t[:n]).tolist())]):
         if k:
             if h not in discrete:
                 F, _, Q = axis.discretised(h)
-                discrete[h] = np.kron(F, np.eye(3)), np.kron(Q, np.eye(3))
+                discrete[h] = thrice(F), thrice(Q)
             recursion.predict(*discrete[h])
         read = np.isfinite(ranges[k])
         if read.any():

@@ -22,7 +22,7 @@ from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
 from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.records.missions import Point
-from mathnavi.sim.scenarios.fault_fields import LARGEST, Magnitude, PositiveMagnitude, SafeFlightFaults
+from mathnavi.sim.scenarios.fault_fields import LARGEST, BeaconFaults, Magnitude, PositiveMagnitude, SafeFlightFaults
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
@@ -161,8 +161,8 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_target_path(self.target_path)
-        missing = [each for each in self.faults.beacons if each >= len(self.beacons.places)]
-        if missing:
-            count = len(self.beacons.places)
+        failing = self.faults.beacons if isinstance(self.faults, BeaconFaults) else ()  # somebody's own may have none
+        count = len(self.beacons.places)
+        if any(each >= count for each in failing):
             allowed = f"0 to {count - 1}" if count else "none without beacons.places"
-            raise FieldError(f"faults.beacons = {self.faults.beacons!r} with {count} beacons; allowed: {allowed}")
+            raise FieldError(f"faults.beacons = {failing!r} with {count} beacons; allowed: {allowed}")

@@ -20,6 +20,8 @@ gusts and noise are what the mission declares. A very unlikely fix is an outlier
 each other: then the filter is wrong. If the last fixes together are unlikely, the gusts or the noise are stronger than
 declared, or the fixes are not of their time: the estimate is DEGRADED, or LOST, and its covariance is that of the
 filter, scaled up accordingly (see ``integrity.innovations``).
+
+Of a mission with beacons it reads ranges to them instead, or both (``beacons.flight``).
 """
 
 from __future__ import annotations
@@ -36,6 +38,7 @@ from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission, PositionSensor
@@ -64,6 +67,10 @@ class KalmanConfig:
     """least standard deviation that the filter assumes for a fix, so that R stays positive [m]"""
     gust_floor: Positive = 0.05
     """least rms of the gusts that the filter assumes [m/s^2]; without gusts its gain would fall to zero"""
+    fixes: bool = False
+    """whether position fixes are read beside the ranges of a mission with beacons; without beacons they always are"""
+    position_std_max: Positive = 20.0
+    """standard deviation of a position by beacons, in any direction, up to which it is OK, and declared at most [m]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,14 +117,22 @@ class Kalman:
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
 
     @staticmethod
-    def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
-        """Build the estimator of one run."""
-        return Kalman(config, mission)
+    def build(config: KalmanConfig, mission: FlightMission) -> Estimator:
+        """Build the estimator of one run: by ranges where the mission has beacons, else by fixes."""
+        if mission.beacons is None:
+            return Kalman(config, mission)
+        from mathnavi.estimators.beacons.flight import guarded  # it has the model of this filter
+
+        return guarded(config, mission)
 
     @staticmethod
-    def sensors(config: KalmanConfig, mission: FlightMission) -> tuple[PositionSensor, ...]:
+    def sensors(config: KalmanConfig, mission: FlightMission) -> tuple[Sensor, ...]:
         """Sensors that the vehicle has to carry for this estimator."""
-        return (PositionSensor(mission.position_noise, mission.position_rate),)
+        fixes = PositionSensor(mission.position_noise, mission.position_rate)
+        if mission.beacons is None:
+            return (fixes,)
+        ranges = mission.beacons.sensor(mission.terrain)
+        return (ranges, fixes) if config.fixes else (ranges,)
 
     @staticmethod
     def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
@@ -125,8 +140,16 @@ class Kalman:
 
         P is the covariance just before a fix, when each variance is largest; each fix changes the estimate with
         covariance K S K', S = H P H' + R. The time between fixes is the longest that there can be while the estimate is
-        not lost.
+        not lost. By ranges to beacons it is that at a bad place among them, and with fixes beside them the better
+        of both.
         """
+        by_ranges = None
+        if mission.beacons is not None:
+            from mathnavi.estimators.beacons.flight_quality import quality
+
+            by_ranges = quality(config, mission)
+            if not config.fixes:
+                return by_ranges
         model = AxisModel.from_config(config, mission)
         interval = longest_gap(1.0 / mission.position_rate, mission.dropout_rate, config.timeout)
         F, _, Q = model.discretised(interval)
@@ -134,7 +157,8 @@ class Kalman:
         before = solve_discrete_are(F.T, _H.T, Q, R)
         before = 0.5 * (before + before.T)
         correction = before @ _H.T @ np.linalg.solve(_H @ before @ _H.T + R, _H @ before)
-        return EstimateQuality(before, 0.5 * (correction + correction.T) / interval, estimates_gust=True, age=interval)
+        found = EstimateQuality(before, 0.5 * (correction + correction.T) / interval, estimates_gust=True, age=interval)
+        return by_ranges if by_ranges is not None and by_ranges.error[0, 0] < before[0, 0] else found
 
     @staticmethod
     def properties(config: KalmanConfig) -> ObserverProperties:

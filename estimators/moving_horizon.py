@@ -11,6 +11,7 @@ filters are: of the missile and the flight by ``integrity.innovations``, of mech
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -125,7 +126,7 @@ class MovingHorizonEstimator:
             return MissileModel.from_config(MissileKalmanConfig(), mission)
         from mathnavi.estimators.stagewise.flight import FlightModel
 
-        return FlightModel.from_config(KalmanConfig(), mission)
+        return FlightModel.from_config(KalmanConfig(), _by_fixes(mission))
 
     @staticmethod
     def sensors(config: MovingHorizonConfig, mission: HorizonMission) -> tuple[Sensor, ...]:
@@ -135,7 +136,7 @@ class MovingHorizonEstimator:
         if isinstance(mission, MissileMission):
             return (mission.full_state_sensor(None),)
         if isinstance(mission, FlightMission):
-            return Kalman.sensors(KalmanConfig(), mission)
+            return Kalman.sensors(KalmanConfig(), _by_fixes(mission))
         return (mission.sensor,)
 
     @staticmethod
@@ -146,7 +147,7 @@ class MovingHorizonEstimator:
         if isinstance(mission, MissileMission):
             return mission.full_state_covariance(0.0)
         return (
-            Kalman.quality(KalmanConfig(timeout=config.timeout), mission)
+            Kalman.quality(KalmanConfig(timeout=config.timeout), _by_fixes(mission))
             if isinstance(mission, FlightMission)
             else None
         )
@@ -229,6 +230,11 @@ class MovingHorizonEstimator:
                 self._counts.add(reason)
             elif self._builder.is_late(reading.t):
                 self._counts.add(Unused.LATE)
+
+
+def _by_fixes(mission: FlightMission) -> FlightMission:
+    """Mission without the beacons that it may have: a window does not tell which image of a place is right."""
+    return mission if mission.beacons is None else replace(mission, beacons=None)
 
 
 def _period(mission: HorizonMission) -> float:

@@ -1,6 +1,7 @@
 """The point mass under gusts as a ``StagewiseModel``: the state (p, v, g) on three axes, fixes of the position.
 
-The model of ``mathnavi.estimators.kalman``: linear, and discretised exactly.
+The model of ``mathnavi.estimators.kalman``: linear, and discretised exactly; among beacons with their ranges instead of
+fixes, or beside them.
 """
 
 from __future__ import annotations
@@ -9,10 +10,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mathnavi.estimators.beacons.flight_quality import axis_model, start_covariance
 from mathnavi.estimators.kalman import AxisModel, KalmanConfig, clipped_rms, first_covariance
 from mathnavi.estimators.stagewise.model import Piece, refused
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
+from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges
 from mathnavi.models.aerial.mission import FlightMission
 
 _EYE = np.eye(3)
@@ -31,6 +34,8 @@ class FlightModel:
     @staticmethod
     def from_config(config: KalmanConfig, mission: FlightMission) -> FlightModel:
         """Model of the estimator ``kalman`` with its configuration."""
+        if mission.beacons is not None:
+            return FlightRangeModel(config, mission, mission.beacons)
         return FlightModel(mission, AxisModel.from_config(config, mission), first_covariance(config, mission))
 
     @staticmethod
@@ -86,3 +91,41 @@ class FlightModel:
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[:6].copy(), P[:6, :6].copy()
+
+
+class FlightRangeModel(FlightModel):
+    """Model with the ranges (n,) [m] to beacons, and behind them a fix (3,) [m] where the configuration asks for it."""
+
+    def __init__(self, config: KalmanConfig, mission: FlightMission, beacons: FlightBeacons) -> None:
+        super().__init__(mission, axis_model(config, mission), start_covariance(config, mission))
+        self._places, self._fixes = beacons.array, config.fixes
+        self._std = np.full(len(self._places), max(beacons.noise, config.noise_floor))
+        if config.fixes:
+            self._std = np.append(self._std, [max(mission.position_noise, config.noise_floor)] * 3)
+        self.rows = len(self._std)
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        if self.unused(measurement) is not None:
+            return None
+        y, n = np.full(self.rows, np.nan), len(self._places)
+        y[slice(n) if measurement.name == RANGES else slice(n, n + 3)] = measurement.value
+        return y
+
+    def unused(self, measurement: Measurement) -> Unused | None:
+        names = {RANGES: len(self._places)} | ({"position": 3} if self._fixes else {})
+        if measurement.name not in names:
+            return Unused.UNKNOWN_SENSOR
+        if measurement.value.shape != (names[measurement.name],):
+            return Unused.MALFORMED
+        return Unused.NOT_FINITE if np.isinf(measurement.value).any() else None
+
+    def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        expected, H = slant_ranges(self._places, x[:3])
+        W = np.zeros((self.rows, 9))
+        W[: len(expected), :3] = H
+        if self._fixes:
+            expected = np.append(expected, x[:3])
+            W[-3:, :3] = _EYE
+        W /= self._std[:, None]
+        W[np.isnan(y)] = np.nan
+        return (y - expected) / self._std, W

@@ -20,6 +20,7 @@ import numpy as np
 from mathnavi.interfaces.bounds import NonNegative, configuration
 from mathnavi.interfaces.protocols import StateView
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK, flow
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.sensor_faults import longest_gap, rms_gap
@@ -160,6 +161,7 @@ class FlightMission:
     cruise_level: float = -math.inf  # [m] below which no completion path flies level: of a fleet, each has its own
     reach: float = HULL_RADIUS  # [m] of the body, every way from its centre
     reach_in_terrain: bool = False  # True if the terrain was raised for the reach, so that h_min is of every part
+    beacons: FlightBeacons | None = None  # whose ranges an estimator may read; None: there are none
 
     @property
     def knowledge(self) -> Knowledge:

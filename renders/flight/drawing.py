@@ -50,6 +50,7 @@ LEGEND = (
     SceneElement.MANOEUVRE,
     SceneElement.COMPLETION,
     SceneElement.RADAR,
+    SceneElement.BEACON,
 )
 PHASES = {
     FlightPhase.OPTIMISED: "flying the optimised plan",
@@ -136,6 +137,8 @@ def overlay(run: FlightRun, frame: Frame) -> Overlay:
     """Return the overlay of a frame."""
     i = run.index(frame.t)
     ground, speed = run.above_ground[i], float(np.linalg.norm(run.x[i, 3:]))
+    absent = [] if run.mission.radars else [SceneElement.RADAR]
+    absent += [] if len(run.mission.beacons) else [SceneElement.BEACON]
     title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]
     if frame.camera != "chase":
         title.append(f"vehicle and heights not to scale: heights × {EXAGGERATION}")
@@ -153,7 +156,7 @@ def overlay(run: FlightRun, frame: Frame) -> Overlay:
             ("SPEED", f"{speed:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
         ),
         state=phase_name(run, frame.t),
-        legend=[part for part in LEGEND if part is not SceneElement.RADAR or run.mission.radars],
+        legend=[part for part in LEGEND if part not in absent],
     )
 
 

@@ -119,6 +119,15 @@ def _figures(run: FlightRun) -> list[Drawn]:
                 "Composite cost of the plan being flown, over time.",
             )
         )
+    if len(run.mission.beacons) and "estimate.innovations" in run.log.arrays:
+        drawn.append(
+            (
+                "beacons",
+                beacons_figure(run),
+                "Error of the estimated position with three of its standard deviations, and innovations of the ranges "
+                "over theirs; a beacon that is left out has none.",
+            )
+        )
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]
 
 
@@ -139,9 +148,10 @@ def map_figure(run: FlightRun) -> Figure:
         figure = canvas(7.6, 7.2)
         axes = figure.add_subplot()
         ends = np.vstack([run.mission.start, run.mission.target, run.mission.target_at(run.duration)])[:, :2]
-        draw_map(axes, run.terrain, np.vstack([run.x[:, :2], ends]))
+        draw_map(axes, run.terrain, np.vstack([run.x[:, :2], ends, run.mission.beacons[:, :2]]))
         outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
         draw_changes(axes, run)
+        draw_beacons(axes, run)
         if run.log.plans:
             first = run.log.plans[0]
             axes.plot(
@@ -165,6 +175,13 @@ def map_figure(run: FlightRun) -> Figure:
         axes.set_title(f"Path over {run.terrain.name}")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
     return figure
+
+
+def draw_beacons(axes: Axes, run: FlightRun) -> None:
+    """The beacons with their numbers on a map [km]."""
+    for k, place in enumerate(run.mission.beacons[:, :2] / 1e3):
+        axes.plot(*place, "^", ms=8, mfc=colour_of(SceneElement.BEACON), mec="#101824", mew=1.2)
+        name_place(axes, f"beacon {k}", (place[0], place[1]), (0, 9), "center")
 
 
 def draw_changes(axes: Axes, run: FlightRun) -> None:
@@ -216,6 +233,36 @@ def profile_figure(run: FlightRun) -> Figure:
         lower.annotate(
             f"least {run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m", here, (-8 if late else 8, 0),
             textcoords="offset points", ha="right" if late else "left", va="center",
+        )  # fmt: skip
+    return figure
+
+
+def beacons_figure(run: FlightRun) -> Figure:
+    """Error of the estimated position over time with three deviations, and the innovations of each beacon over theirs,
+    with the times at which it was left out.
+    """
+    arrays = run.log.arrays
+    t, x = arrays["estimate.t"], arrays["estimate.x"]
+    truth = np.column_stack([np.interp(t, run.t, column) for column in run.x[:, :3].T])
+    error = np.linalg.norm(x[:, :3] - truth, axis=1)
+    spread = 3.0 * np.linalg.norm(arrays["estimate.deviation"][:, :3], axis=1)
+    ratio = arrays["estimate.innovations"] / arrays["estimate.innovation_std"]
+    out = arrays.get("estimate.left_out", np.zeros_like(ratio))[:, : ratio.shape[1]] > 0.0
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(9.4, 5.0)
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        i = thinned(len(t), int(np.nanargmax(error)))
+        upper.plot(t[i], error[i], color=colour_of(SceneElement.FLOWN), lw=1.1, label="error")
+        upper.plot(t[i], spread[i], ":", color=BOUND, lw=1.2, label="three standard deviations")
+        upper.set(ylabel="position [m]", title="Estimate of the position by ranges", ylim=(0.0, None))
+        upper.legend(loc="upper left")
+        for k, column in enumerate(ratio.T):
+            read = np.isfinite(column)
+            lower.plot(t[read], k + 0.1 * np.clip(column[read], -5.0, 5.0), color=colour_of(SceneElement.RAY), lw=0.6)
+            lower.fill_between(t, k - 0.5, k + 0.5, where=out[:, k], color=BOUND, alpha=0.25, lw=0)
+        lower.set(
+            xlabel="time [s]", ylabel="beacon", xlim=(0.0, run.duration), yticks=range(ratio.shape[1]),
+            title="Innovations of the ranges, ten deviations from one beacon to the next; shaded: left out",
         )  # fmt: skip
     return figure
 

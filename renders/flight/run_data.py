@@ -41,6 +41,7 @@ class FlownMission:
     target_path: Array = field(default_factory=lambda: np.empty((0, 4)))  # t [s], x, y, z [m] of a target that moves
     hills: tuple[Hill, ...] = ()  # that the map did not show
     charted_at: float = 0.0  # [s] when the map was updated with them
+    beacons: Array = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) [m] to which the vehicle reads ranges
 
     def target_at(self, t: float) -> Array:
         """(3,) [m] where the target is at ``t`` [s]."""
@@ -141,6 +142,7 @@ def mission_of_record(record: ChangingFlightRecord, hills: tuple[Hill, ...]) -> 
         target_path=np.array(record.target_path).reshape(-1, 4),
         hills=hills,
         charted_at=record.charted_at or 0.0,
+        beacons=np.empty((0, 3)) if record.beacons is None else record.beacons.array,
     )
 
 

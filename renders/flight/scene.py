@@ -55,7 +55,9 @@ def places_of(run: FlightRun) -> Array:
     """Places (n, 3) [m] of what happens in a flight: its path, its plans, and where its target is and goes."""
     mission = run.mission
     plans = [plan.x[:, :3] for plan in run.log.plans]
-    places = np.vstack([mission.start, mission.target, mission.target_path[:, 1:], run.x[:, :3], *plans])
+    places = np.vstack(
+        [mission.start, mission.target, mission.target_path[:, 1:], mission.beacons, run.x[:, :3], *plans]
+    )
     return places[np.isfinite(places).all(axis=1)]
 
 
@@ -84,6 +86,11 @@ def mission_scene(
     marks += [
         Mark(f"{name} {k}" if len(mission.radars) > 1 else name, colour, motion=radar, layer=domes[0].layer)
         for k, radar in enumerate(radar_motions, start=1)
+    ]
+    name, colour = SceneElement.BEACON.value, COLOURS[SceneElement.BEACON]
+    marks += [
+        Mark(f"{name} {k}", colour, place, foot=height(run, place), brief=f"{k}")
+        for k, place in enumerate(mission.beacons)
     ]
     surfaces, marks = [*vehicle, *domes], [*marks, *scale_marks(terrain)]
     return Scene(run.title, run.duration, cameras, motions, surfaces, lines, marks, charts, ground=terrain, note=note)

@@ -33,6 +33,7 @@ DEFINITIONS: dict[str, str] = {
     ),
     "observable": "The most that ranges to this wall can determine, however the robot moves.",
     "lost_ranges": "Share of the single ranges that did not arrive.",
+    "left_out_beacons": "Numbers of the beacons that the estimator has left out at some time; none if it used all.",
     "initialising_s": "Time before the first estimate.",
     "lost_s": "Time during which the estimator reported LOST.",
     "degraded_s": "Time during which the estimator reported DEGRADED: the estimate is worse than it should be.",

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from mathnavi.interfaces.fields import instance
+from mathnavi.models.aerial.beacons import FlightBeacons
 
 Point = tuple[float, float, float]
 MissionRecord = TypeVar("MissionRecord")
@@ -65,6 +66,7 @@ class ChangingFlightRecord(FlightRecord):
     radars: tuple[RadarRecord, ...] = ()
     charted_at: float | None = None  # [s] when the planner learns of hills that the map does not show
     target_path: tuple[tuple[float, float, float, float], ...] = ()  # t [s], x, y, z [m] of a target that moves
+    beacons: FlightBeacons | None = None  # to which the vehicle reads ranges; None: it reads none
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,15 @@ A disturbance acts; it is not declared. What tracking bounds allow for is ``Flig
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Ge, Interval, Le
 
 from mathnavi.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
+from mathnavi.interfaces.field_table import TOGETHER
 from mathnavi.interfaces.protocols import Planner, Sensor
+from mathnavi.models.aerial.beacons import RANGES, FailingBeacons
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.sensor_faults import Dropout
@@ -165,6 +167,28 @@ class LostReadings(Fault):
         return Dropout(sensor, self.dropout_rate, rng) if self.dropout_rate > 0.0 else sensor
 
 
+@configuration(prefix="faults.")
+class BeaconFaults(Fault):
+    """Beacons that fail on the way; their ranges are not declared to be wrong."""
+
+    stream: ClassVar[str] = "beacon_faults"  # it draws nothing
+
+    beacons: Annotated[tuple[Annotated[int, Ge(0)], ...], TOGETHER] = ()
+    """numbers of the beacons that fail, from 0 on"""
+    beacon_fault: Literal["stuck", "offset"] = "stuck"
+    """fault of these beacons; stuck: the last range before is read again and again; offset: the range is off"""
+    beacon_offset: Annotated[float, Interval(ge=-LARGEST, le=LARGEST), FINITE] = 5.0
+    """error of the ranges of beacons that fail by an offset [m]"""
+    beacons_fail_at: Magnitude = 10.0
+    """time at which these beacons fail [s]"""
+
+    def on_sensor(self, sensor: Sensor, rng: np.random.Generator) -> Sensor:
+        if not self.beacons or sensor.name != RANGES:
+            return sensor
+        offset = None if self.beacon_fault == "stuck" else self.beacon_offset
+        return FailingBeacons(sensor, self.beacons, self.beacons_fail_at, offset)
+
+
 # ---- groups of them
 
 
@@ -176,3 +200,8 @@ class CommonFlightFaults(LatePlans, SolverFailures):
 @configuration(prefix="faults.")
 class AerialFaults(LostReadings, RandomGusts, Jumps, CorruptedPlans, CommonFlightFaults):
     """Faults of safe-flight, simultaneous-arrival and quadrotor-canyon."""
+
+
+@configuration(prefix="faults.")
+class SafeFlightFaults(BeaconFaults, AerialFaults):
+    """Faults of safe-flight."""

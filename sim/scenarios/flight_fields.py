@@ -7,11 +7,22 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval
 
-from mathnavi.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, Within, configuration
+from mathnavi.interfaces.bounds import (
+    FINITE,
+    THREE_FINITE_NUMBERS,
+    Condition,
+    Each,
+    Fraction,
+    TickRate,
+    Within,
+    configuration,
+)
+from mathnavi.interfaces.errors import FieldError
+from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
 from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.records.missions import Point
-from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
+from mathnavi.sim.scenarios.fault_fields import LARGEST, BeaconFaults, Magnitude, PositiveMagnitude, SafeFlightFaults
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
@@ -34,6 +45,9 @@ DrawnSeparation = Annotated[tuple[float, float], drawn_between(_DIAGONAL)]
 DeadlineFactor = Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE]
 Datum = Literal["map", "geoid", "ellipsoid"]
 Rate = Annotated[float, TickRate(TICK)]
+BEACON_PLACE = Condition(
+    lambda place: all(abs(each) <= LARGEST for each in place), f"three values from -{LARGEST:g} to {LARGEST:g} m"
+)
 
 
 @configuration(prefix="noise.")
@@ -44,6 +58,44 @@ class FlightNoise:
     """standard deviation of a position reading on each axis [m]"""
     position_rate: Rate = 10.0
     """rate of the position fixes [Hz]"""
+
+
+@configuration(prefix="beacons.")
+class FlightBeaconFields:
+    """Beacons at known places, whose ranges the estimator kalman reads in place of position fixes."""
+
+    places: Annotated[tuple[FinitePoint, ...], Each(BEACON_PLACE)] = ()
+    """place X Y Z of a beacon [m] on the map; may be given several times"""
+    range_noise: Magnitude = 1.0
+    """standard deviation of a range [m]"""
+    range_maximum: PositiveMagnitude | None = None
+    """greatest range, beyond which there is no return [m]; no limit if not given"""
+    outliers: Fraction = 0.0
+    """fraction of single ranges that are anything"""
+    dropout: Fraction = 0.0
+    """fraction of single ranges that are lost"""
+    rate: Rate = 10.0
+    """rate at which all beacons are read [Hz]"""
+    line_of_sight: bool = False
+    """whether a beacon that the ground hides has no return; ranges pass through the ground if not"""
+
+    def __post_init__(self) -> None:
+        if len(set(self.places)) < len(self.places):
+            raise FieldError(f"beacons.places = {self.places!r} holds one place twice; allowed: different places")
+
+    def declared(self) -> FlightBeacons | None:
+        """Beacons as a mission declares them; None without any."""
+        if not self.places:
+            return None
+        return FlightBeacons(
+            self.places,
+            self.range_noise,
+            self.rate,
+            self.range_maximum,
+            self.dropout,
+            self.outliers,
+            self.line_of_sight,
+        )
 
 
 @configuration
@@ -103,8 +155,14 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     filter: bool = False
     """whether the controller's commands are filtered, in place of certifying its plans"""
     noise: FlightNoise = field(default_factory=FlightNoise)
-    faults: AerialFaults = field(default_factory=AerialFaults)
+    faults: SafeFlightFaults = field(default_factory=SafeFlightFaults)
+    beacons: FlightBeaconFields = field(default_factory=FlightBeaconFields)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_target_path(self.target_path)
+        failing = self.faults.beacons if isinstance(self.faults, BeaconFaults) else ()  # somebody's own may have none
+        count = len(self.beacons.places)
+        if any(each >= count for each in failing):
+            allowed = f"0 to {count - 1}" if count else "none without beacons.places"
+            raise FieldError(f"faults.beacons = {failing!r} with {count} beacons; allowed: {allowed}")

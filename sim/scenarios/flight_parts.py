@@ -16,6 +16,7 @@ from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Plan
+from mathnavi.models.aerial.beacons import RANGES, FlightBeacons
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -23,7 +24,7 @@ from mathnavi.models.terrain.library import load_terrain, place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
+from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality, checked_sensors
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise
@@ -106,10 +107,25 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
 
 
 def mission_but_ends(
-    config: FlightFields, terrain: HeightField, estimator: PluginSpec, radars: tuple[Radar, ...] = ()
+    config: FlightFields,
+    terrain: HeightField,
+    estimator: PluginSpec,
+    radars: tuple[Radar, ...] = (),
+    beacons: FlightBeacons | None = None,
 ) -> FlightMission:
-    """Mission of a vehicle without its start and target; ``radars`` are known from the start."""
+    """Mission of a vehicle without its start and target; ``radars`` are known from the start.
+
+    Raises MissionError for ``beacons`` that the estimator does not read.
+    """
     mission = bare_mission(config, terrain, radars)
+    if beacons is not None:
+        mission = dataclasses.replace(mission, beacons=beacons)
+    if beacons is not None and RANGES not in {each.name for each in checked_sensors(estimator, mission)}:
+        name = called("estimators", estimator.name)
+        raise MissionError(
+            f"beacons.places = {beacons.places!r}: the estimator {name} does not read them; allowed: one that reads "
+            "ranges to beacons, such as kalman"
+        )
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 

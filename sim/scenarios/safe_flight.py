@@ -163,7 +163,8 @@ def summarise(
 def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission, Plan]:
     """Mission as known at the start, and its first plan."""
     charted = map_of(config)
-    bare = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
+    radars, beacons = config.radars_at(0.0, charted), config.beacons.declared()
+    bare = mission_but_ends(config, charted, parts.estimator, radars, beacons)
 
     plans = FirstPlans(parts)
 
@@ -207,6 +208,7 @@ def _record(config: SafeFlightConfig, flight: TrueFlight, bound: TrackingBound) 
         **flight_record(mission, bound),
         radars=config.radar_records(mission.terrain),
         charted_at=config.charted_at,
+        beacons=mission.beacons,
         target_path=tuple((t, *place) for t, place in flight.track.reported(config.report_period)),
     )
 

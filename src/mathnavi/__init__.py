@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         TerrainError,
     )
     from mathnavi.interfaces.signals import Estimate, Measurement, Message, Plan, PlanRequest, Status
+    from mathnavi.models.aerial.beacons import FlightBeacons
     from mathnavi.models.aerial.mission import FlightMission
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
@@ -121,6 +122,7 @@ _PLACES = {
     "PositionQuality": "models.manifold.mission",
     "MechanismSystem": "models.mechanism.system",
     "FlightMission": "models.aerial.mission",
+    "FlightBeacons": "models.aerial.beacons",
     "QuadrotorMission": "models.quadrotor.mission",
     "InertialQuality": "models.quadrotor.mission",
     "InertialMission": "models.inertial_mission",
@@ -204,6 +206,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "PositionQuality",
     "MechanismSystem",
     "FlightMission",
+    "FlightBeacons",
     "QuadrotorMission",
     "InertialQuality",
     "InertialMission",

@@ -30,6 +30,7 @@ from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Estimator, EstimatorPlugin, StateView
 from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.dynamics import TICK, flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.inertial_mission import InertialMission
@@ -120,6 +121,14 @@ def flight_bench(silent: bool = False) -> Bench:
         np.array([0.01] * 3 + [0.05] * 3),
         10.0,
     )
+
+
+def beacon_flight_bench(silent: bool = False) -> Bench:
+    """The slalom among four beacons whose ranges are read; estimators that read fixes or the state do so here too."""
+    bench = flight_bench(silent)
+    places = ((2500.0, 2500.0, 300.0), (5500.0, 2800.0, 1500.0), (2600.0, 5600.0, 1000.0), (5400.0, 5500.0, 100.0))
+    beacons = FlightBeacons(places, noise=0.0 if silent else 1.0)
+    return dataclasses.replace(bench, mission=dataclasses.replace(bench.mission, beacons=beacons))
 
 
 def missile_bench(name: str, silent: bool = False) -> Bench:
@@ -423,6 +432,7 @@ def handheld_bench(silent: bool = False) -> Bench:
 
 BENCHES: dict[str, Callable[[bool], Bench]] = {
     "flight": flight_bench,
+    "flight among beacons": beacon_flight_bench,
     "planar missile": partial(missile_bench, "planar"),
     "spatial missile": partial(missile_bench, "spatial"),
     "ranging": ranging_bench,

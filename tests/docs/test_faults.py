@@ -6,21 +6,22 @@ import dataclasses
 
 import pytest
 
-from mathnavi.sim.scenarios.fault_fields import AerialFaults
+from mathnavi.sim.scenarios.fault_fields import SafeFlightFaults
 from mathnavi.sim.scenarios.fleet_fields import Clocks, Radio
-from mathnavi.sim.scenarios.flight_fields import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightBeaconFields, FlightNoise
 from mathnavi.sim.scenarios.information import ChangeFields
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorMismatch
 from tests.docs.test_site import DOCS
 
-NO_FAULTS = {"clocks.settling"}  # which the vehicles wait for
+NO_FAULTS = {"clocks.settling", "beacons.places"}  # which the vehicles wait for, and which are no fault
 
 
 @pytest.mark.parametrize(
     ("group", "fields"),
     [
-        ("faults.", AerialFaults),
+        ("faults.", SafeFlightFaults),
         ("noise.", FlightNoise),
+        ("beacons.", FlightBeaconFields),
         ("mismatch.", QuadrotorMismatch),
         ("radio.", Radio),
         ("clocks.", Clocks),

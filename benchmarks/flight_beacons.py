@@ -1,0 +1,138 @@
+"""A flight by ranges to beacons beside the same flight by position fixes: errors, consistency, time that it is OK.
+
+    python -m benchmarks.flight_beacons [--seeds 10]
+
+One mission of ``safe-flight`` over the terrain jacksboro, 2.8 km under gusts of 1 m/s^2, is flown in closed loop by the
+estimator ``kalman``: by fixes with 2 m of noise on each axis, by ranges with 0.5 m of noise to four or six beacons,
+both ten times
+a second, and with one beacon that is stuck, or 5 m off, from 10 s on.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from annotated_types import Ge, Le
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.arguments import read_arguments
+from benchmarks.progress import progress
+from mathnavi.interfaces.bounds import configuration
+
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+from mathnavi.interfaces.signals import Status
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.records.run_spec import RunSpec
+
+PLACES = (
+    (9000.0, 13000.0, 900.0), (13000.0, 9500.0, 420.0), (12500.0, 15500.0, 1500.0), (16500.0, 12500.0, 600.0),
+    (12500.0, 12500.0, 1700.0), (11000.0, 11500.0, 450.0),
+)  # fmt: skip
+"""places (6, 3) [m] of the beacons, of which four are the first four"""
+MISSION: Mapping[str, Any] = {
+    "terrain": "jacksboro", "start": (11000.0, 11000.0, 900.0), "target": (13300.0, 12600.0, 900.0),
+    "speed_max": 100.0, "faults.gust_rms": 1.0,
+}  # fmt: skip
+FAULTY = 1  # number of the beacon that fails
+THREE_SIGMA = 14.16  # e' P^-1 e of a position: chi-squared of three numbers, at the chance of three sigma of one
+SPELL = 1.0  # [s] for which an estimate is wrong, at least
+
+
+def by_beacons(count: int, fault: str = "") -> dict[str, Any]:
+    """Fields of the scenario for the first ``count`` beacons, one of which fails."""
+    fields: dict[str, Any] = {"beacons.places": PLACES[:count], "beacons.range_noise": 0.5}
+    return fields | ({"faults.beacons": (FAULTY,), "faults.beacon_fault": fault} if fault else {})
+
+
+CONDITIONS: Mapping[str, dict[str, Any]] = {
+    "fixes, 2 m": {"noise.position": 2.0},
+    "4 beacons": by_beacons(4),
+    "6 beacons": by_beacons(6),
+    "4 beacons, one stuck": by_beacons(4, "stuck"),
+    "4 beacons, one 5 m off": by_beacons(4, "offset"),
+    "6 beacons, one stuck": by_beacons(6, "stuck"),
+    "6 beacons, one 5 m off": by_beacons(6, "offset"),
+}
+
+
+@configuration
+class Arguments:
+    """Compare flights by ranges to beacons with one by position fixes."""
+
+    seeds: Annotated[int, Ge(1), Le(1000)] = 10
+    """number of flights of each kind, with the seeds 1, 2, ..."""
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What one flight shows."""
+
+    arrived: bool
+    square: float  # [m^2] mean of the squared error of the position
+    nees: float  # mean of e' P^-1 e of the position
+    ok: float  # share of the time
+    sure_and_wrong: float  # share of the time: OK, and off by more than three sigma for a second or more
+    left_out: tuple[int, ...]  # beacons, at any time
+
+
+def flown(fields: Mapping[str, Any], seed: int) -> Flown:
+    """Fly a mission."""
+    result = RunSpec.of("safe-flight", seed, estimator="kalman", fields={**MISSION, **fields}).build().run()
+    ((name, agent),) = result.recording.agents.items()
+    t, truth = result.recording.t, result.recording.truths[name]
+    squares, nees, ok, out = [], [], [], set[int]()
+    for estimate in agent.estimates:
+        k = int(np.searchsorted(t, estimate.t - TIME_TOLERANCE))
+        assert estimate.covariance is not None
+        e = estimate.x[:3] - truth[k, :3]
+        squares.append(float(e @ e))
+        nees.append(float(e @ np.linalg.solve(estimate.covariance[:3, :3], e)))
+        ok.append(estimate.status is Status.OK)
+        out |= set(np.flatnonzero(estimate.extra.get("left_out", np.zeros(0))).tolist())
+    wrong = np.concatenate([[False], np.array(ok) & (np.array(nees) > THREE_SIGMA), [False]]).astype(int)
+    spells = np.flatnonzero(np.diff(wrong) == -1) - np.flatnonzero(np.diff(wrong) == 1)
+    long = spells[spells * float(t[1] - t[0]) > SPELL]
+    return Flown(
+        result.success, float(np.mean(squares)), float(np.mean(nees)), float(np.mean(ok)),
+        float(long.sum()) / len(ok), tuple(sorted(out)),
+    )  # fmt: skip
+
+
+def summed(flights: Sequence[Flown]) -> list[str]:
+    """Row of a table: the figures over all flights of a kind."""
+    squares, nees, ok, wrong = (
+        np.array([getattr(each, name) for each in flights]) for name in ("square", "nees", "ok", "sure_and_wrong")
+    )
+    out = {each.left_out for each in flights}
+    return [
+        f"{sum(each.arrived for each in flights)} of {len(flights)}",
+        f"{np.sqrt(squares.mean()):.2f} m",
+        f"{nees.mean():.2f}",
+        f"{100.0 * ok.mean():.1f} %",
+        f"{100.0 * wrong.mean():.2f} %",
+        "; ".join(", ".join(map(str, each)) or "none" for each in sorted(out)),
+    ]
+
+
+def main() -> None:
+    """Fly all kinds of flights and print the table."""
+    arguments, console = read_arguments(Arguments), Console()
+    table = Table("", "arrived", "RMS error", "NEES (3)", "OK", "OK and wrong", "left out")
+    with progress(Console(stderr=True), "flights", len(CONDITIONS) * arguments.seeds) as report:
+        for k, (name, fields) in enumerate(CONDITIONS.items()):
+            flights = []
+            for seed in range(1, arguments.seeds + 1):
+                report(k * arguments.seeds + seed - 1, name)
+                flights.append(flown(fields, seed))
+            table.add_row(name, *summed(flights))
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main()

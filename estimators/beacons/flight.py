@@ -1,0 +1,356 @@
+"""The Kalman filter of a flight that reads ranges to beacons, instead of position fixes or beside them.
+
+The state x = (p, v, g) (9,) is position, velocity and gust, with the model of each axis of ``kalman``, which is exact
+over any time. Ranges are used one after the other, each by the second-order extended Kalman filter, which is exact for
+h up to its second derivatives. With H = (u', 0, 0), A = (d2h/dp2) P_pp, and the noise R,
+
+    nu = y - h(p) - tr(A) / 2,    S = H P H' + R + tr(A A) / 2,    K = P H' / S,
+    x <- x + K nu,                P <- P - K S K',
+
+so that near a beacon a range says less of the place than a straight line would have it.
+
+Where the position is so uncertain that no derivative at it means anything, ranges are used only if they tell a place by
+themselves (``flight_geometry.located``), which is a fix.
+
+**Mirror images.** The ranges to beacons in one plane, or nearly, fit the mirror image too. The start is known, and so
+the side, until the position may be on the other: by its Gaussian, with the probability of a tail, or where that covers
+both, as likely as not. From when on both are apart, two filters are run, one on either side, until one is 1e5 times as
+likely by four beacons or more: the input is known, and the motion that it causes on the other side is the mirrored one
+only without any.
+
+**What is said OK**: ranges come, those to beacons at fault are left out (``flight_witness``), the standard deviation of
+the position is at most ``position_std_max`` in every direction, and no image is left that is farther away than that;
+the covariance covers both. With fewer than four beacons, or four in a plane, or on a line, a direction is not observed
+or seldom, and its variance grows as that of dead reckoning does: the estimate is OK for as long as that is within the
+bound. Once it was not, beacons on a line do not make it OK again: derivatives at a wrong place seem to tell the angle
+about the line. With three beacons nothing reveals a fault of one of them that grows slower than gusts would explain.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import chdtri, log_ndtr
+
+from mathnavi.estimators.beacons.flight_geometry import EXCLUDED, image_separation, located, mirrored, plane_of
+from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, start_covariance, thrice
+from mathnavi.estimators.beacons.flight_witness import RangeWitness
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
+from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
+from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
+from mathnavi.models.aerial.beacons import RANGES, curvature_effects, slant_ranges
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
+
+if TYPE_CHECKING:
+    from mathnavi.estimators.kalman import KalmanConfig
+
+FIXES = "position"
+_I9, _I3 = np.eye(9), np.eye(3)
+_OUTLIER = float(chdtri(1, 1e-9))
+_LASTING = 10  # readings of which most are refused, in a row
+_LINEAR = 0.1  # of the nearest range: largest deviation of a position at which a derivative means something
+_SURE = math.log(1e5)  # how much likelier one of two sides is, to be the only one
+_EVIDENCE = 0.25  # of it that the motion may tell in an instant: what a fault does passes
+_NO_SPARE = 3  # beacons, of which each is needed: then a fault of one is no less likely than the other side
+_COST = 2e-4  # [s] of an update
+
+
+@dataclass
+class Side:
+    """A filter on one side of the plane of the beacons."""
+
+    x: Array  # (9,) p [m], v [m/s], g [m/s^2]
+    P: Array  # (9, 9)
+    gained: float = 0.0  # logarithm of the likelihood of the readings of an instant
+
+    def predict(self, F: Array, B: Array, Q: Array) -> None:
+        """Predict by F (9, 9), the effect B (9,) of the input and the noise Q (9, 9)."""
+        self.x = F @ self.x + B
+        self.P = F @ self.P @ F.T + Q
+
+    def expected(self, place: Array, R: float) -> tuple[float, Array, float]:
+        """Expected range [m] to a place (3,), its derivative u (3,), and the variance [m^2] of a reading of it but for
+        what P_pp says of u.
+        """
+        d = self.x[:3] - place
+        h = max(math.sqrt(float(d @ d)), 1e-6)
+        u = d / h
+        mean, variance = curvature_effects(self.P[:3, :3], u, h)
+        return h + mean, u, R + variance
+
+    def condition(self, H: Array, nu: float, R: float) -> None:
+        """Condition on an innovation nu with H (3,) of the position and noise of variance R."""
+        PH = self.P[:, :3] @ H
+        S = float(H @ PH[:3]) + R
+        self.x = self.x + PH * (nu / S)
+        self.P = self.P - PH[:, None] * (PH / S)
+
+    def image(self, centre: Array, normal: Array) -> Side:
+        """Mirror image in a plane."""
+        M: Array = np.asarray(np.kron(_I3, _I3 - 2.0 * np.outer(normal, normal)), np.float64)
+        x = M @ self.x
+        x[:3] = mirrored(self.x[:3], centre, normal)
+        return Side(x, M @ self.P @ M.T)
+
+
+class FlightRangeFilter:
+    """Estimator of position, velocity and gust from ranges to beacons, and from fixes where it is asked to."""
+
+    def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
+        beacons = beacons_of(mission)
+        self.period = mission.control_period
+        self._places, self._fixes = beacons.array, config.fixes
+        self._R, self._model = max(beacons.noise, config.noise_floor) ** 2, axis_model(config, mission)
+        self._fix_variance = max(mission.position_noise, config.noise_floor) ** 2
+        self._bound = config.position_std_max**2
+        interval = 1.0 / max(beacons.rate, mission.position_rate if config.fixes else 0.0)
+        self._timeout = TimeoutMonitor(config.timeout, interval)
+        self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+        self._now = Side(np.array([*mission.start, *np.zeros(6)]), thrice(start_covariance(config, mission)))
+        self._other: Side | None = None  # on the other side of the plane of the beacons
+        self._separation = 0.0  # D of it
+        self._instants = max(1.0, beacons.rate * config.timeout)  # at which ranges are read while it is not lost
+        self._likelier = 0.0  # logarithm of how much less likely that is
+        self._covers_both = False  # whether the position is on either side as far as its covariance says
+        self._wide = False  # whether it was too uncertain since beacons in a plane, or a fix, told the position
+        self._t: float | None = None  # [s] of the state
+        self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
+        self._heard = np.full(len(self._places), -math.inf)  # [s] of the last range used
+        self._refused = 0  # readings in a row of which most numbers were refused
+        self._nu = np.full((2, len(self._places)), np.nan)  # innovations of the last ranges, and their deviations
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (6,) [m, m/s] at t [s]; ``command`` (3,) [m/s^2] was held since the last call.
+
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra["innovations"]`` (n,) [m] those of the ranges
+        since the last call, NaN where there was none, with the standard deviations ``extra["innovation_std"]`` (n,).
+        """
+        self._nu[:] = np.nan
+        for reading in measurements:
+            if reading.name != RANGES and not (self._fixes and reading.name == FIXES):
+                self._counts.add(Unused.UNKNOWN_SENSOR)
+            elif is_late(reading.t, self._t):
+                self._counts.add(Unused.LATE)
+            elif reading.value.shape != ((len(self._places),) if reading.name == RANGES else (3,)):
+                self._counts.add(Unused.MALFORMED)
+            else:
+                self._predict(reading.t, command)
+                self._take(reading.t, reading.value, ranges=reading.name == RANGES)
+        self._predict(t, command)
+        return self._estimate(t)
+
+    def _predict(self, t: float, command: Array) -> None:
+        if self._t is None:
+            self._t = t
+        h = time_ahead(t, self._t)
+        if h <= TIME_TOLERANCE:
+            return
+        key = round(h, 10)
+        if key not in self._discrete:
+            F, B, Q = self._model.discretised(h)
+            self._discrete[key] = thrice(F), B, thrice(Q)
+        F, B, Q = self._discrete[key]
+        for side in self._sides():
+            side.predict(F, np.outer(B, command).ravel(), Q)
+        self._t = t
+
+    def _sides(self) -> tuple[Side, ...]:
+        return (self._now,) if self._other is None else (self._now, self._other)
+
+    def _take(self, t: float, value: Array, *, ranges: bool) -> None:
+        """Condition on the ranges (n,) or the fix (3,) of t [s]."""
+        infinite, impossible = np.isinf(value), (value < 0.0) & ranges & np.isfinite(value)
+        for reason, numbers in ((Unused.NOT_FINITE, infinite), (Unused.OUT_OF_RANGE, impossible)):
+            if numbers.any():
+                self._counts.add(reason, int(numbers.sum()))
+        good = np.flatnonzero(np.isfinite(value) & ~impossible)
+        if not len(good):
+            return
+        if ranges and self._is_lost():
+            self._find(t, value, good)
+            return
+        squares = [self._use(self._now, i, value[i], ranges) for i in good.tolist()]
+        if self._other is not None:
+            for i in good.tolist():
+                self._use(self._other, i, value[i], ranges, counted=False)
+            more, most = self._now.gained - self._other.gained, max(_EVIDENCE, self._separation / 8.0)
+            self._likelier += min(max(more, -most), most)
+        for side in self._sides():
+            side.gained = 0.0
+        refused = np.array(squares) > _OUTLIER
+        if refused.any():
+            self._counts.add(Unused.OUTLIER, int(refused.sum()))
+        fits = self._since_gap.fits(np.array(squares), self._timeout.converged)
+        self._refused = self._refused + 1 if 2 * refused.sum() > len(good) else 0
+        if self._refused > _LASTING:  # the filter is wrong
+            self._now.P *= max(squares)
+            self._refused, self._other = 0, None
+        if not refused.all():
+            self._timeout.note(t, agrees=fits)
+        if ranges:
+            self._heard[good[~refused]] = t
+            self._choose_side(t)
+        elif not refused.any():
+            self._wide = self._covers_both = False
+
+    def _use(self, side: Side, i: int, y: float, ranges: bool, *, counted: bool = True) -> float:
+        """Use a range to beacon i or number i of a fix; return the normalised square of its innovation."""
+        if ranges:
+            expected, H, R = side.expected(self._places[i], self._R)
+        else:
+            expected, H, R = float(side.x[i]), _I3[i], self._fix_variance
+        nu, S = y - expected, float(H @ side.P[:3, :3] @ H) + R
+        square = nu * nu / S
+        side.gained -= 0.5 * (min(square, _OUTLIER) + math.log(S))
+        if ranges and counted:
+            self._nu[:, i] = nu, math.sqrt(S)
+        if square <= _OUTLIER:
+            side.condition(H, nu, R)
+        return square
+
+    # ---- what is not known
+
+    def _is_lost(self) -> bool:
+        """True where the position is so uncertain that derivatives at it mean nothing."""
+        P = self._now.P[:3, :3]
+        if float(P.trace()) <= self._bound:  # which is no less than the largest eigenvalue
+            return False
+        largest = float(np.linalg.eigvalsh(P)[-1])
+        h, _ = slant_ranges(self._places, self._now.x[:3])
+        return largest > max(self._bound, (_LINEAR * float(h.min())) ** 2)
+
+    def _find(self, t: float, ranges: Array, good: Integers) -> None:
+        """Begin again from ranges that tell a place by themselves."""
+        self._other, self._refused = None, 0
+        found = located(self._places[good], ranges[good], self._R)
+        if found is None:
+            return
+        p, R = found
+        x, P = self._now.x, self._now.P
+        K = np.linalg.solve(P[:3, :3] + R, P[:3]).T
+        kept = _I9.copy()
+        kept[:, :3] -= K
+        P = kept @ P @ kept.T + K @ R @ K.T
+        self._now = Side(x + K @ (p - x[:3]), 0.5 * (P + P.T))
+        self._heard[good], self._covers_both, self._wide = t, False, False
+        self._timeout.note(t)
+        self._timeout.restart(t)
+
+    def _are_apart(self) -> bool:
+        """True where it may be on either side, and these are farther from each other than a deviation that is OK."""
+        if self._other is None:
+            return False
+        d = self._other.x[:3] - self._now.x[:3]
+        return float(d @ d) > self._bound
+
+    def _is_wide(self) -> bool:
+        """True where the standard deviation of the position in a direction is more than is OK."""
+        P = self._now.P[:3, :3]
+        return float(P.trace()) > self._bound and float(np.linalg.eigvalsh(P)[-1]) > self._bound
+
+    def _choose_side(self, t: float) -> None:
+        """Keep a filter on the other side of the plane of the beacons while that may be the right one.
+
+        It may be as far as the Gaussian of the position reaches there, and once that covers both sides alike, both are
+        as likely from when on they part again.
+        """
+        places = self._places[self._heard >= t - self._timeout.longest]
+        if self._other is not None:
+            if self._likelier < 0.0:
+                self._now, self._other, self._likelier = self._other, self._now, -self._likelier
+            d = self._other.x[:3] - self._now.x[:3]
+            met = float(d @ np.linalg.solve(self._now.P[:3, :3], d)) < 1.0  # readings have led both to one place
+            if met or (self._likelier > _SURE and len(places) > _NO_SPARE):
+                self._other = None
+        if self._is_wide():  # it may have gone about a line of beacons to the other side of any plane
+            self._wide = self._covers_both = True
+        plane = plane_of(places)
+        if plane is None:
+            return
+        self._wide = False
+        centre, normal = plane
+        P, p = self._now.P[:3, :3], self._now.x[:3]
+        deviations = abs(float(normal @ (p - centre))) / math.sqrt(max(float(normal @ P @ normal), 1e-12))
+        self._separation = image_separation(places, p, self._R)
+        if deviations < 1.0:
+            self._covers_both, self._other = True, None
+        elif self._separation * self._instants > EXCLUDED:
+            self._covers_both, self._other = False, None
+        else:
+            beyond = 0.0 if self._covers_both else float(log_ndtr(-deviations) - log_ndtr(deviations))
+            self._covers_both = False
+            if beyond > -_SURE:
+                if self._other is None:
+                    self._other, self._likelier = self._now.image(centre, normal), -beyond
+                self._likelier = min(self._likelier, -beyond)
+
+    def _estimate(self, t: float) -> Estimate:
+        x, P = self._now.x, self._now.P[:6, :6].copy()
+        if self._other is not None:  # either side: one by its probability, where it is far, else both alike
+            d = self._other.x[:6] - x[:6]
+            P += np.outer(d, d) * (1.0 / (1.0 + math.exp(self._likelier)) if self._are_apart() else 0.5)
+        status, message = self._status(t, P)
+        extra: Mapping[str, Array] = {
+            "gust": x[6:].copy(),
+            "innovations": self._nu[0].copy(),
+            "innovation_std": self._nu[1].copy(),
+            **self._counts.extra,
+        }
+        return Estimate(t, x[:6].copy(), P, status, extra, message)
+
+    def _status(self, t: float, P: Array) -> tuple[Status, str]:
+        status = self._timeout.status(t, P)
+        if status is Status.INITIALISING:
+            return status, waiting(status, "a range")
+        if self._wide:
+            return Status.LOST, "has lost its place about a line of beacons, or a single one"
+        if self._is_lost():
+            return Status.LOST, "does not know where it is well enough to use single ranges"
+        if self._are_apart():
+            return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
+        if (deviation := math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))) > math.sqrt(self._bound):
+            return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
+        return status, ""
+
+
+class GuardedFlight(Guarded):
+    """The filter with its monitor.
+
+    What disagreed once, and agrees again, says nothing where each reading is needed: the filter has followed a beacon
+    at fault. There an alarm is remembered until there are readings to spare, more than three numbers.
+    """
+
+    def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
+        witness = RangeWitness(beacons_of(mission), mission, config)
+        spare = len(witness.names) - 1
+        super().__init__(FlightRangeFilter(config, mission), witness, most_out=min(2, spare), cost=_COST)
+        self._alarm, self._timeout, self._fixed = False, config.timeout, -math.inf
+        self._heard_at = np.full(len(beacons_of(mission).places), -math.inf)  # [s]
+        self._fixes = config.fixes
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        estimate = super().update(t, measurements, command)
+        extra = estimate.extra
+        self._alarm = self._alarm or float(extra["integrity"][0]) > 1.0
+        self._heard_at[np.isfinite(extra["innovations"])] = t
+        if self._fixes and any(each.name == FIXES and np.isfinite(each.value).all() for each in measurements):
+            self._fixed = t
+        numbers = int((self._heard_at >= t - self._timeout).sum()) + 3 * (self._fixed >= t - self._timeout)
+        if not self._alarm or estimate.status is not Status.OK:
+            return estimate
+        if numbers > _NO_SPARE:
+            self._alarm = False
+            return estimate
+        message = "disagreed with a beacon, and has none to spare that would tell which"
+        return replace(estimate, status=Status.DEGRADED, message=message)
+
+
+def guarded(config: KalmanConfig, mission: FlightMission) -> Guarded:
+    """The filter with its monitor."""
+    return GuardedFlight(config, mission)

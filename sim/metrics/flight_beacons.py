@@ -1,0 +1,89 @@
+"""Figures of a flight among beacons: errors of its estimates, beacons that were left out, and the bound by ranges."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mathnavi.interfaces.signals import Array, Status
+from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.metrics.consistency import normalised_error_squared
+from mathnavi.sim.metrics.convergence import last_quarter
+from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, judged_bound
+
+if TYPE_CHECKING:
+    from mathnavi.models.aerial.mission import FlightMission
+
+
+def beacon_figures(recording: Recording, name: str, beacons: FlightBeacons) -> dict[str, Any]:
+    """Figures of the estimates of one vehicle that reads ``beacons``, for the summary."""
+    t, estimates = recording.t, recording.agents[name].estimates
+    newest = np.searchsorted([each.t for each in estimates], t + TIME_TOLERANCE, side="right") - 1
+    begun = newest >= 0
+    known = [estimates[k] for k in newest[begun].tolist()]
+    error, P = np.full((len(t), 3), np.nan), np.full((len(t), 3, 3), np.nan)
+    error[begun] = np.array([each.x[:3] for each in known]) - recording.truths[name][begun, :3]
+    P[begun] = [np.full((3, 3), np.nan) if each.covariance is None else each.covariance[:3, :3] for each in known]
+    last = last_quarter(t)
+    nees = float(normalised_error_squared(error, P)[last].mean())
+    statuses, step = [each.status for each in estimates], float(t[1] - t[0])
+    out = np.zeros(len(beacons.places), dtype=bool)
+    for each in known:
+        if (left_out := each.extra.get("left_out")) is not None:
+            out |= left_out[: len(out)] > 0.0
+    readings = recording.agents[name].readings.get(RANGES)
+    return {
+        "position_rms_m": float(np.sqrt(np.square(error[last]).sum(axis=1).mean())),
+        "nees_mean": nees if np.isfinite(nees) else None,
+        "lost_ranges": None if readings is None else _unanswered(readings[: recording.length]),
+        "initialising_s": statuses.count(Status.INITIALISING) * step,
+        "lost_s": statuses.count(Status.LOST) * step,
+        "degraded_s": statuses.count(Status.DEGRADED) * step,
+        "left_out_beacons": ", ".join(map(str, np.flatnonzero(out))) or None,
+    }
+
+
+def _unanswered(readings: Array) -> float | None:
+    """Share of the single ranges (n, m) that did not arrive, of the times at which any did."""
+    asked = readings[np.isfinite(readings).any(axis=1)]
+    return float(np.isnan(asked).mean()) if len(asked) else None
+
+
+def range_bound(recording: Recording, name: str, mission: FlightMission, beacons: FlightBeacons) -> PosteriorBound:
+    """Bound of position and velocity (6,) of a point mass under gusts from ranges, and from fixes if it reads them.
+
+    The derivatives of the ranges are those at the true places.
+    """
+    from mathnavi.estimators.beacons.flight_quality import thrice  # these take a while to import
+    from mathnavi.estimators.kalman import AxisModel, clipped_rms
+
+    agent, n = recording.agents[name], recording.length
+    ranges, fixes = agent.readings.get(RANGES), agent.readings.get("position")
+    rms = clipped_rms(mission.gust)
+    if ranges is None:
+        return PosteriorBound.none("the estimator reads no ranges", n)
+    if not (beacons.noise > 0.0 and rms > 0.0) or (fixes is not None and not mission.position_noise > 0.0):
+        return PosteriorBound.none("the readings are declared exact, or no gusts are declared", n)
+    axis = AxisModel(rms, mission.gust.time_constant, beacons.noise)
+    recursion = BoundRecursion(covariance=thrice(np.diag([0.0, 0.0, rms**2])))
+    variance, discrete = np.zeros((n, 6)), dict[float, tuple[Array, Array]]()
+    x = recording.truths[name][:n]
+    for k, h in enumerate([0.0, *(round(each, 10) for each in np.diff(recording.t[:n]).tolist())]):
+        if k:
+            if h not in discrete:
+                F, _, Q = axis.discretised(h)
+                discrete[h] = thrice(F), thrice(Q)
+            recursion.predict(*discrete[h])
+        read = np.isfinite(ranges[k])
+        if read.any():
+            _, H = slant_ranges(beacons.array[read], x[k, :3])
+            recursion.observe(np.hstack([H, np.zeros((len(H), 6))]) * np.sqrt(1.0 - beacons.outliers) / beacons.noise)
+        if fixes is not None and np.isfinite(fixes[k]).all():
+            recursion.observe(np.eye(3, 9) / mission.position_noise)
+        now = recursion.variance
+        assert now is not None
+        variance[k] = now[:6]
+    return judged_bound(np.sqrt(np.maximum(variance, 0.0)), (0, 1, 2), "the position")

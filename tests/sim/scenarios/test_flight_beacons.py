@@ -1,0 +1,90 @@
+"""``safe-flight`` among beacons: it arrives by ranges alone, names a beacon at fault, and its log can be estimated."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mathnavi as mn
+from mathnavi.models.aerial.beacons import slant_ranges
+from mathnavi.models.aerial.mission import DeclaredGusts
+from mathnavi.sim.records.run_spec import RunSpec
+
+PLACES = (
+    (9000.0, 13000.0, 900.0), (13000.0, 9500.0, 420.0), (12500.0, 15500.0, 1500.0), (16500.0, 12500.0, 600.0),
+    (12500.0, 12500.0, 1700.0), (11000.0, 11500.0, 450.0),
+)  # fmt: skip
+FIELDS: dict[str, Any] = {
+    "terrain": "jacksboro", "start": (11000.0, 11000.0, 900.0), "target": (13300.0, 12600.0, 900.0),
+    "speed_max": 100.0, "beacons.places": PLACES, "beacons.range_noise": 0.5, "faults.gust_rms": 1.0,
+}  # fmt: skip
+
+
+@cache
+def flown(seed: int = 3, fault: str = "") -> mn.RunResult:
+    fields = FIELDS | ({"faults.beacons": (1,), "faults.beacon_fault": fault} if fault else {})
+    return mn.run("safe-flight", seed=seed, estimator="kalman", **fields)
+
+
+def test_it_arrives_by_ranges_in_place_of_fixes() -> None:
+    run = flown()
+    assert run.success
+    assert "measurement.position" not in run.arrays
+    ranges, x = run["measurement.beacon_ranges"], run["truth.x"]
+    read = np.isfinite(ranges).all(axis=1)
+    exact = np.array([slant_ranges(np.array(PLACES), p)[0] for p in x[read, :3]])
+    assert np.std(ranges[read] - exact) == pytest.approx(0.5, rel=0.1)
+    error = run["estimate.x"][:, :3] - x[: len(run["estimate.x"]), :3]
+    assert np.sqrt(np.square(error).sum(axis=1).mean()) < 3.0
+    assert run.summary["efficiency"] < 1.3
+
+
+def test_a_stuck_beacon_is_named_and_left_out_in_the_loop() -> None:
+    run = flown(fault="stuck")
+    assert run.success
+    assert run.summary["left_out_beacons"] == "1"
+    assert any("beacon 1" in event.message for event in run.events if event.kind == "estimator-status")
+    out = run["estimate.left_out"]
+    assert (out[-100:, 1] == 1.0).all()
+    assert out[:, [0, 2, 3, 4, 5]].sum() == 0.0
+
+
+def test_the_recorded_flight_is_estimated_with_fewer_beacons_and_smoothed() -> None:
+    run = flown()
+    n, used = len(run.t), [0, 1, 2, 3]
+    beacons = mn.FlightBeacons(tuple(PLACES[i] for i in used), noise=0.5)
+    task = mn.FlightMission(
+        mn.load_terrain("jacksboro"), FIELDS["start"], FIELDS["target"], gust=DeclaredGusts(1.0), beacons=beacons
+    )
+    log = mn.SensorLog(run.t, {"beacon_ranges": run["measurement.beacon_ranges"][:, used]}, run["command.u"])
+    found = mn.estimate("kalman", task, log)
+    smooth = mn.estimate(mn.smoother("kalman"), task, log)
+    rms = [
+        float(np.sqrt(np.square(each.x[:n, :3] - run["truth.x"][:, :3]).sum(axis=1).mean())) for each in (found, smooth)
+    ]
+    assert rms[1] < rms[0] < 6.0
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"beacons.places": ((0.0, 0.0, 1.0),) * 2}, "beacons.places = .* one place twice"),
+        ({"beacons.places": ((0.0, 0.0, 1e9),)}, "beacons.places.*three values"),
+        ({"beacons.range_noise": -1.0}, "beacons.range_noise = -1.0"),
+        ({"faults.beacons": (6,)}, r"faults.beacons = \(6,\) with 6 beacons; allowed: 0 to 5"),
+        ({"beacons.places": (), "faults.beacons": (0,)}, "allowed: none without beacons.places"),
+    ],
+)
+def test_beacons_that_cannot_be_are_refused(fields: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        RunSpec.of("safe-flight", 1, estimator="kalman", fields=FIELDS | fields)
+
+
+@pytest.mark.parametrize("estimator", ["full_state", "moving_horizon"])
+def test_beacons_that_an_estimator_does_not_read_are_refused(estimator: str) -> None:
+    spec = RunSpec.of("safe-flight", 1, estimator=estimator, fields=FIELDS)
+    with pytest.raises(ValueError, match=f"beacons.places = .*: the estimator {estimator} does not read them; allowed"):
+        spec.build()

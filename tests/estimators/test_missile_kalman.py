@@ -180,15 +180,11 @@ def test_readings_of_something_else_are_found_within_a_third_of_a_second(plugin:
     u, last, status = np.zeros(3), x, []
     u[PLANAR.index("F_z")] = -NOMINAL.mass * NOMINAL.gravity
     for k in range(300):
-        t, noise = k * PERIOD, NOISE.deviations(PLANAR) * rng.standard_normal(len(x))
+        t, (noise, more) = k * PERIOD, NOISE.deviations(PLANAR) * rng.standard_normal((2, len(x)))
         readings = []
         if k % 5 == 0:
             spoilt = SPOILT[fault] if fault and t >= 0.6 else None
-            last = (
-                x + noise
-                if spoilt is None
-                else spoilt(x + noise, last, NOISE.deviations(PLANAR) * rng.standard_normal(len(x)))
-            )
+            last = x + noise if spoilt is None else spoilt(x + noise, last, more)
             readings = [Measurement("full_state", t, last)]
         status.append((t, estimator.update(t, readings, u if k else np.zeros(3)).status))
         x = PLANAR.flow(x, u, PERIOD)

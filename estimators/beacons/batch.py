@@ -20,7 +20,7 @@ The oldest half of too many stages is replaced by the Gaussian that follows from
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,27 +118,46 @@ class BatchFit:
         """Fit from a state x (d,) of now on; None if the steps do not converge to a minimum that has a covariance."""
         data = self._data()
         begin = self._initial(x)
-        found = self._solved(begin, x[3:].copy(), data, (True, False))
+        again = self._X is not None
+        found = self._solved(begin, x[3:].copy(), data, (False,)) if again else None
+        if found is None:
+            found = self._solved(begin, x[3:].copy(), data, (True, False))
         if found is not None:
             self._X = found.X
             if self.stages > _MOST:
                 self._marginalise(found, data)
         return found
 
+    def alone(self, found: Fit) -> tuple[Fit, int | None]:
+        """The most probable fit that a search for other places of the beacons leads to from a fit, and a beacon of
+        which another place is as probable as one in e^9 or more; None if there is none.
+        """
+        for _ in self._model.mission.unknown:
+            rival = self.rival(found)
+            if rival is None:
+                return found, None
+            i, other = rival
+            if other.cost > found.cost - _AS_GOOD:
+                return found, i
+            found, self._X = other, other.X
+        return found, i
+
     def rival(self, found: Fit) -> tuple[int, Fit] | None:
         """A beacon, and a fit with it at another place that is as probable as one in e^9 or more; None without one."""
         data, P = self._data(), found.covariance
         for i in self._model.mission.unknown:
             k = int(self._model.columns[i])
-            own = P[k : k + 2, k : k + 2]
+            own, b = P[k : k + 2, k : k + 2], found.theta[k - 3 : k - 1]
+
+            def is_back(theta: Array, k: int = k, own: Array = own, b: Array = b) -> bool:
+                off = theta[k - 3 : k - 1] - b
+                return float(off @ np.linalg.solve(own, off)) <= _APART
+
             for place in self._others(found, i, own, data):
                 theta = found.theta.copy()
                 theta[k - 3 : k - 1] = place
-                other = self._solved(found.X.copy(), theta, data, (True, False))
-                if other is None:
-                    continue
-                off = other.theta[k - 3 : k - 1] - found.theta[k - 3 : k - 1]
-                if float(off @ np.linalg.solve(own, off)) > _APART and other.cost < found.cost + _AS_GOOD:
+                other = self._solved(found.X.copy(), theta, data, (True, False), is_back)
+                if other is not None and other.cost < found.cost + _AS_GOOD:
                     return i, other
         return None
 
@@ -167,8 +186,16 @@ class BatchFit:
         return X
 
     def _solved(
-        self, X: Array, theta: Array, data: tuple[Array, Array, Array], costs: tuple[bool, ...]
+        self,
+        X: Array,
+        theta: Array,
+        data: tuple[Array, Array, Array],
+        costs: tuple[bool, ...],
+        ends: Callable[[Array], bool] | None = None,
     ) -> Fit | None:
+        """Minimum from poses X (N, 3) and constants theta (p,) on, for the robust cost and for that of the data in
+        turn; None if the steps do not converge, or come to constants that ``ends`` is true of.
+        """
         pieces, firsts, readings = data
         rest = (self._prior, pieces, firsts, readings, self._model.places, self._model.columns, self._errors)
         cost = math.inf
@@ -188,6 +215,8 @@ class BatchFit:
                 else:
                     converged = cost - new < _ENOUGH
                     X, theta, cost, damping = after, constants, new, max(0.1 * damping, _LEAST_DAMPING)
+                if ends is not None and ends(theta):
+                    return None
                 if converged:
                     break
         if not (converged and math.isfinite(cost)):

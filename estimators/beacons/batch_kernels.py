@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from mathnavi.estimators.beacons.kernels import BEARING, STATES, expected
+from mathnavi.estimators.beacons.kernels import BEARING, expected
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.unicycle.kernels import motion, wrapped
@@ -31,7 +31,7 @@ def moved(X: Array, theta: Array, pieces: Array) -> tuple[Array, Array, Array, A
     derivatives A (3, 3) by X and B (3, 2) by the scale errors of odometry, and the covariance Q (3, 3).
     """
     x, A, B, Q = X.copy(), np.eye(3), np.zeros((3, 2)), _SIDEWAYS * np.eye(3)
-    F, G = np.eye(3), np.zeros((3, 2))
+    G = np.zeros((3, 2))
     for n in range(len(pieces)):
         h, u_1, u_2 = pieces[n, 0], pieces[n, 1], pieces[n, 2]
         v_1, v_2 = (1.0 - theta[0]) * u_1, (1.0 - theta[1]) * u_2
@@ -39,11 +39,18 @@ def moved(X: Array, theta: Array, pieces: Array) -> tuple[Array, Array, Array, A
         x[0] += dx
         x[1] += dy
         x[2] = wrapped(x[2] + v_2 * h)
-        F[0, 2], F[1, 2] = -dy, dx
+        for j in range(3):  # F = I but for F_02 = -dy and F_12 = dx; A <- F A, Q <- F Q F'
+            A[0, j] -= dy * A[2, j]
+            A[1, j] += dx * A[2, j]
+            Q[0, j] -= dy * Q[2, j]
+            Q[1, j] += dx * Q[2, j]
+        for i in range(3):
+            Q[i, 0] -= dy * Q[i, 2]
+            Q[i, 1] += dx * Q[i, 2]
+        for j in range(2):
+            B[0, j] -= dy * B[2, j]
+            B[1, j] += dx * B[2, j]
         G[0, 0], G[1, 0], G[0, 1], G[1, 1], G[2, 1] = gx_1, gy_1, gx_2, gy_2, h
-        A = F @ A
-        B = F @ B
-        Q = F @ Q @ F.T
         for i in range(3):
             B[i, 0] -= G[i, 0] * u_1
             B[i, 1] -= G[i, 1] * u_2
@@ -116,8 +123,9 @@ def step(
     e = np.concatenate((X[0] - m[:3], theta - m[3:]))
     e[2] = wrapped(e[2])
     M, g = information.copy(), -(information @ e)  # of (X_k, theta): M delta = g
+    DU = np.empty((3, d))
     D, U, gains = np.empty((N, 3, 3)), np.empty((N, 3, d)), np.empty((N, 3))
-    J, n = np.zeros((3, 3 + d)), 0
+    J, WJ, n = np.zeros((3, 3 + d)), np.zeros((3, 3 + d)), 0
     for k in range(N):
         state = np.concatenate((X[k], theta))
         while n < len(readings) and int(readings[n, 0]) == k:
@@ -142,21 +150,31 @@ def step(
         r = X[k + 1] - x
         r[2] = wrapped(r[2])
         W = np.linalg.inv(Q)
-        J[:, :3] = -A
+        J[:, :3] = -A  # of r by (X_k, X_{k+1}, theta); nought from column 8 on
         J[:, 3:6] = np.eye(3)
         J[:, 6:8] = -B
         whole, right = np.zeros((3 + d, 3 + d)), np.zeros(3 + d)  # of (X_k, X_{k+1}, theta)
         whole[:3, :3], whole[:3, 6:], whole[6:, :3], whole[6:, 6:] = M[:3, :3], M[:3, 3:], M[3:, :3], M[3:, 3:]
         right[:3], right[6:] = g[:3], g[3:]
-        WJ = W @ J
-        whole += J.T @ WJ
-        right -= WJ.T @ r
+        for j in range(8):
+            for i in range(3):
+                WJ[i, j] = W[i, 0] * J[0, j] + W[i, 1] * J[1, j] + W[i, 2] * J[2, j]
+        for i in range(8):
+            for j in range(8):
+                whole[i, j] += J[0, i] * WJ[0, j] + J[1, i] * WJ[1, j] + J[2, i] * WJ[2, j]
+            right[i] -= WJ[0, i] * r[0] + WJ[1, i] * r[1] + WJ[2, i] * r[2]
         D[k] = np.linalg.inv(np.ascontiguousarray(whole[:3, :3]))
         U[k] = whole[:3, 3:]
         gains[k] = right[:3]
-        DU = D[k] @ U[k]
-        M = whole[3:, 3:] - U[k].T @ DU
-        g = right[3:] - DU.T @ gains[k]
+        for j in range(d):
+            for i in range(3):
+                DU[i, j] = D[k, i, 0] * U[k, 0, j] + D[k, i, 1] * U[k, 1, j] + D[k, i, 2] * U[k, 2, j]
+        for i in range(d):
+            g[i] = right[3 + i]
+            for a in range(3):
+                g[i] -= DU[a, i] * gains[k, a]
+            for j in range(d):
+                M[i, j] = whole[3 + i, 3 + j] - (U[k, 0, i] * DU[0, j] + U[k, 1, i] * DU[1, j] + U[k, 2, i] * DU[2, j])
     damped = M.copy()
     for i in range(3, d):
         damped[i, i] *= 1.0 + damping

@@ -46,7 +46,7 @@ _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is
 _SHARE = 3.0  # standard deviations by which more readings may be refused than are declared as outliers
 _COUNTED = 100  # readings over which that is
 _SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
-_GROWTH, _LEAST_GROWTH = 1.02, 4  # of the stages, and number of them, until the batch fit is made again
+_GROWTH, _LEAST_GROWTH = 1.05, 4  # of the stages, and number of them, until the batch fit is made again
 _SHOWN = 16  # hypotheses that an estimate carries
 
 
@@ -87,6 +87,7 @@ class BeaconFilter:
         self._confirmed = self.model.placed.copy()  # (n,) whether a place is known, or was confirmed by the batch fit
         self._due = 0  # stages from which on the batch fit is made again
         self._rival: int | None = None  # beacon with another place that is as good
+        self._fitted = True  # False while no state fits all readings
         self._refused_of: tuple[deque[bool], ...] = tuple(deque(maxlen=_RECENT) for _ in mission.beacons)
         self.begun_at = 0
         """number of stages with readings up to the one at which the filters began, itself among them"""
@@ -261,7 +262,7 @@ class BeaconFilter:
     def _is_confirmed(self) -> bool:
         """True if all readings together confirm what the bank has; it then goes on from what fits them.
 
-        That is made again whenever there are 2 % more readings, while all places are where one filter has them.
+        That is made again whenever there are 5 % more readings, while all places are where one filter has them.
         """
         if self._batch is None:
             return True
@@ -270,12 +271,12 @@ class BeaconFilter:
             return False
         self._due = math.ceil(_GROWTH * self._batch.stages) + _LEAST_GROWTH
         found, self._rival = self._batch.fit(self.bank.x[self.bank.best]), None
+        self._fitted = found is not None
         if found is None:
             return False
         if not (self._confirmed | ~placed).all():
-            rival = self._batch.rival(found)
-            if rival is not None:
-                self._rival = rival[0]
+            found, self._rival = self._batch.alone(found)
+            if self._rival is not None:
                 return False
         P = found.covariance
         if not self._is_exact(P):
@@ -355,6 +356,8 @@ class BeaconFilter:
         if not self.found:
             if self._again:
                 return Status.LOST, "looks for its pose"
+            if self._rival is not None:
+                return Status.INITIALISING, f"another place of beacon {self._rival} explains the readings as well"
             lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
             return Status.INITIALISING, (
                 f"waits until the beacons {', '.join(map(str, lacking))} are at one place each"
@@ -363,5 +366,7 @@ class BeaconFilter:
             )
         odometry = Status.OK if self.model.mission.odometry_is_input else self._odometry.status(t)
         odometry = Status.OK if odometry is Status.INITIALISING else odometry
+        if not self._fitted:
+            return Status.DEGRADED, "no state fits all readings since the beginning"
         found = worst(status, odometry, self._monitor.status(t))
         return found, self._monitor.message if found is not Status.OK else ""

@@ -8,10 +8,11 @@ knows next to nothing.
 
     INITIALISING   until position and heading are known: their standard deviations, over all filters that are left,
                    are at most a share ``found`` of the surroundings and 20 degrees; and until all unknown
-                   beacons that are read are at one place each, as exactly. One that is first read later says nothing
-                   until it is found.
+                   beacons that are read are at one place each, as exactly, and a batch fit of all readings (``batch``)
+                   confirms it. One that is first read later says nothing until it is found.
     LOST           without a reading for ``timeout``, and from a new beginning on until the pose is found again
-    DEGRADED       without odometry for ``timeout``; while innovations are larger or less random than declared
+    DEGRADED       without odometry for ``timeout``; while innovations are larger or less random than declared; while
+                   no state fits all readings, with beacons at unknown places
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class RangingRun(LoggedRun):
     beliefs: Beliefs
     beacons: Array  # (m, 2) [m] true places of the beacons that the robot reads; none in most runs
     beacon_beliefs: tuple[Array, Array] | None = None
-    """places (k, 2 m) [m] of the beacons and their covariances (k, 2 m, 2 m), if it was not given all; NaN if not found"""
+    """places (k, 2 m) [m] of the beacons and covariances (k, 2 m, 2 m), if it was not given all; NaN if not found"""
 
     @property
     def pose(self) -> Array:

@@ -149,9 +149,9 @@ class BeaconFields:
 
     places: Annotated[tuple[tuple[float, float], ...], Each(_PLACE)] = ()
     """place X Y of a beacon [m]; may be given several times"""
-    unknown: tuple[Annotated[int, Ge(0)], ...] = ()
-    """number of a beacon, in the order of the places from 0, whose place the estimator is not given; may be given several
-    times"""
+    unknown: Annotated[tuple[int, ...], Each(Ge(0))] = ()
+    """number of a beacon, from 0 in the order of the places, whose place the estimator is not given; may be given
+    several times"""
     read: Annotated[tuple[BeaconKind, ...], TOGETHER] = ("ranges",)
     """readings of each beacon: ranges, bearings, range differences to the first, or several of these"""
     range_noise: Annotated[NonNegative, Le(_LONGEST)] = 0.1

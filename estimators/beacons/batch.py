@@ -29,7 +29,7 @@ from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs
 from mathnavi.estimators.beacons.kernels import RANGE
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.estimators.stagewise.model import Piece
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
 
 _MOST = 2000  # stages
@@ -40,6 +40,10 @@ _RINGS, _AROUND = 5, 72  # poses around which other places are sought, and direc
 _APART = 9.0  # squared Mahalanobis distance from which on a place is another one
 _EXACT = 1e-8  # variance of what is known exactly
 _BACK = np.array([1.0, -1.0, -1.0, 1.0, 1.0])  # a piece, driven backwards
+
+
+Data = tuple[Array, Integers, Array]
+"""pieces (M, 5), the first (N,) after each stage, and readings (n, 4)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +63,7 @@ class Fit:
     @property
     def covariance(self) -> Array:
         """Covariance (d, d) of the newest pose and the constants."""
-        P: Array = np.linalg.inv(self.information)
+        P: Array = np.linalg.inv(self.information).astype(np.float64)
         return 0.5 * (P + P.T)
 
 
@@ -108,7 +112,7 @@ class BatchFit:
         x, information = self._prior
         k = int(self._model.columns[i])
         left = np.setdiff1d(np.arange(len(x)), (k, k + 1))
-        own, cross = information[k : k + 2, k : k + 2], information[np.ix_(left, (k, k + 1))]
+        own, cross = information[k : k + 2, k : k + 2], information[left, k : k + 2]
         after = np.zeros_like(information)
         after[np.ix_(left, left)] = information[np.ix_(left, left)] - cross @ np.linalg.solve(own, cross.T)
         after[k : k + 2, k : k + 2] = np.linalg.inv(self._nothing[k : k + 2, k : k + 2])
@@ -163,11 +167,11 @@ class BatchFit:
 
     # ---- parts of a fit
 
-    def _data(self) -> tuple[Array, Array, Array]:
+    def _data(self) -> Data:
         """Pieces (M, 5), the first (N,) after each stage, and the readings (n, 4) of beacons that are placed."""
         used = [each for each in self._readings if self._model.says(int(each[1]), int(each[2]))]
         pieces = np.array(self._pieces, np.float64).reshape(-1, 5)
-        return pieces, np.array(self._firsts), np.array(used, np.float64).reshape(-1, 4)
+        return pieces, np.array(self._firsts, np.int64), np.array(used, np.float64).reshape(-1, 4)
 
     def _initial(self, x: Array) -> Array:
         """Poses (N, 3) to begin with: those of the last fit and on from there, or back from x (d,) by odometry."""
@@ -189,7 +193,7 @@ class BatchFit:
         self,
         X: Array,
         theta: Array,
-        data: tuple[Array, Array, Array],
+        data: Data,
         costs: tuple[bool, ...],
         ends: Callable[[Array], bool] | None = None,
     ) -> Fit | None:
@@ -227,7 +231,7 @@ class BatchFit:
             return None
         return Fit(X, theta, cost, information)
 
-    def _others(self, found: Fit, i: int, own: Array, data: tuple[Array, Array, Array]) -> list[Array]:
+    def _others(self, found: Fit, i: int, own: Array, data: Data) -> list[Array]:
         """Places (2,) of beacon i other than that of a fit, known to ``own`` (2, 2), that explain its ranges best of
         those nearby.
         """
@@ -256,7 +260,7 @@ class BatchFit:
                     places.append(place)
         return places
 
-    def _marginalise(self, found: Fit, data: tuple[Array, Array, Array]) -> None:
+    def _marginalise(self, found: Fit, data: Data) -> None:
         """Replace the oldest half of the stages by the Gaussian of the state at the first one that stays."""
         pieces, firsts, readings = data
         k = self.stages // 2

@@ -87,7 +87,7 @@ def cost_of(
     m, information = prior
     e = np.concatenate((X[0] - m[:3], theta - m[3:]))
     e[2] = wrapped(e[2])
-    cost = 0.5 * (e @ (information @ e))
+    cost: float = 0.5 * (e @ (information @ e))
     for k in range(1, len(X)):
         x, _, _, Q = moved(X[k - 1], theta, pieces[firsts[k - 1] : firsts[k]])
         r = X[k] - x

@@ -10,7 +10,7 @@ import pytest
 import mathnavi as mn
 from mathnavi.estimators.beacons.batch import BatchFit
 from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, step
-from mathnavi.estimators.beacons.model import BeaconModel
+from mathnavi.estimators.beacons.model import BeaconModel, bend
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.beacons import exact_readings
 from mathnavi.models.unicycle.kernels import integrate
@@ -135,3 +135,31 @@ def test_a_filter_is_not_surer_than_its_readings_make_it() -> None:
             squares = np.einsum("ki,ki->k", off[:, own], np.linalg.solve(P, off[:, own, None])[..., 0])
             assert (squares > 13.8).mean() < 0.005, "beyond the region of 99.9 %"
         assert np.abs(off[-1]).max() < 2.5
+
+
+def test_a_beacon_that_is_forgotten_leaves_what_is_known_of_the_other() -> None:
+    batch, model, state = driven(0.15)
+    found = batch.fit(state)
+    assert found is not None
+    batch._marginalise(found, batch._data())
+    batch.forget(0)
+    again = batch.fit(state)
+    assert again is not None
+    deviation, before = (np.sqrt(np.diag(each.covariance)) for each in (again, found))
+    k, other = (int(model.columns[i]) for i in (0, 1))
+    assert deviation[k : k + 2] == pytest.approx([MISSION.longest] * 2, rel=0.01)
+    assert again.state[other : other + 2] == pytest.approx(PLACES[1], abs=0.02)
+    assert (deviation[other : other + 2] > before[other : other + 2]).all()
+    assert (deviation[other : other + 2] < 0.3).all()
+
+
+def test_of_an_arc_the_covariance_holds_what_is_within_three_deviations_along_it() -> None:
+    rho, sigma = 4.0, 0.3
+    P = np.diag([0.02, sigma]) ** 2  # seen along x_1: across the arc, and along it
+    P = P + bend(P, rho)
+    for share in np.linspace(-3.0, 3.0, 13):
+        angle = share * sigma / rho
+        off = rho * np.array([np.cos(angle) - 1.0, np.sin(angle)])
+        assert off @ np.linalg.solve(P, off) < 13.8, "the region of 99.9 %"
+    assert np.trace(bend(P, 1e-9)) <= P[1, 1] * (1.0 + 1e-9)
+    assert np.trace(bend(P, 1e3)) < 1e-6

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs, step
-from mathnavi.estimators.beacons.kernels import RANGE
+from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs, step, weighed
+from mathnavi.estimators.beacons.kernels import BEARING, RANGE, expected
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.interfaces.signals import Array, Integers
@@ -131,6 +131,18 @@ class BatchFit:
             if self.stages > _MOST:
                 self._marginalise(found, data)
         return found
+
+    def outliers(self, found: Fit) -> frozenset[tuple[int, int, float]]:
+        """Kind, beacon and value of each reading that is rather an outlier by a fit."""
+        far, X = set(), found.X[-self.stages :]  # those that are left
+        for k, kind, i, value in self._data()[2].tolist():
+            state = np.concatenate([X[int(k)], found.theta])
+            h, _, _, rho = expected(state, int(kind), int(i), self._model.places, self._model.columns)
+            absolute, relative, epsilon, length = self._errors[int(kind)].tolist()
+            nu = wrapped(value - h) if kind == BEARING else value - h
+            if weighed(nu, math.hypot(absolute, relative * rho), epsilon, length, False)[0] < 0.5:
+                far.add((int(kind), int(i), value))
+        return frozenset(far)
 
     def alone(self, found: Fit) -> tuple[Fit, int | None]:
         """The most probable fit that a search for other places of the beacons leads to from a fit, and a beacon of

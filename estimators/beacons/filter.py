@@ -248,6 +248,11 @@ class BeaconFilter:
                 if self._batch is not None:
                     self._batch.forget(i)
 
+    def outliers(self) -> frozenset[tuple[int, int, float]]:
+        """Kind, beacon and value of each reading that is an outlier by the batch fit; none with all places known."""
+        found = self._batch.fit(self.bank.x[self.bank.best]) if self._batch is not None else None
+        return frozenset() if self._batch is None or found is None else self._batch.outliers(found)
+
     def _begin_batch(self, started: tuple[Array, Array] | None) -> None:
         """Begin the batch fit again: at a start (d,) with its covariance, or anywhere, with what the bank has of all
         but the pose.

@@ -138,6 +138,11 @@ class BeaconBank:
         self._model.placed[i] = True
         return True
 
+    def settle(self, x: Array, P: Array) -> None:
+        """Go on with one filter at a state x (d,) with a covariance P (d, d), which began where the heaviest did."""
+        self.seeds = self.seeds[[self.best]]
+        self.x, self.P, self.weights = x[None].copy(), P[None].copy(), np.ones(1)
+
     def forget(self, i: int) -> None:
         """Forget the place of beacon i, which its readings contradict."""
         k, nothing = int(self._model.columns[i]), self._model.covariance(np.zeros(3))

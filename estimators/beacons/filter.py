@@ -8,10 +8,11 @@ knows next to nothing.
 
     INITIALISING   until position and heading are known: their standard deviations, over all filters that are left,
                    are at most a share ``found`` of the surroundings and 20 degrees; and until all unknown
-                   beacons that are read are at one place each, as exactly. One that is first read later says nothing
-                   until it is found.
+                   beacons that are read are at one place each, as exactly, and a batch fit of all readings (``batch``)
+                   confirms it. One that is first read later says nothing until it is found.
     LOST           without a reading for ``timeout``, and from a new beginning on until the pose is found again
-    DEGRADED       without odometry for ``timeout``; while innovations are larger or less random than declared
+    DEGRADED       without odometry for ``timeout``; while innovations are larger or less random than declared; while
+                   no state fits all readings, with beacons at unknown places
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.estimators.beacons.bank import BeaconBank
+from mathnavi.estimators.beacons.batch import BatchFit
+from mathnavi.estimators.beacons.kernels import STATES
 from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
 from mathnavi.estimators.beacons.smoothing import StartFindingModel
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
@@ -44,6 +47,7 @@ _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is
 _SHARE = 3.0  # standard deviations by which more readings may be refused than are declared as outliers
 _COUNTED = 100  # readings over which that is
 _SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
+_GROWTH, _LEAST_GROWTH = 1.05, 4  # of the stages, and number of them, until the batch fit is made again
 _SHOWN = 16  # hypotheses that an estimate carries
 
 
@@ -80,6 +84,11 @@ class BeaconFilter:
         self.found = mission.start is not None and not mission.unknown
         """whether the pose is known, and at first the places of the beacons"""
         self._read = np.zeros(len(mission.beacons), dtype=int)  # number of readings of each beacon
+        self._batch = BatchFit(self.model) if mission.unknown else None
+        self._confirmed = self.model.placed.copy()  # (n,) whether a place is known, or was confirmed by the batch fit
+        self._due = 0  # stages from which on the batch fit is made again
+        self._rival: int | None = None  # beacon with another place that is as good
+        self._fitted = True  # False while no state fits all readings
         self._refused_of: tuple[deque[bool], ...] = tuple(deque(maxlen=_RECENT) for _ in mission.beacons)
         self.begun_at = 0
         """number of stages with readings up to the one at which the filters began, itself among them"""
@@ -146,6 +155,8 @@ class BeaconFilter:
             if self.bank.begun:
                 for h, u in stage.inputs:
                     self.bank.predict(u, h)
+                if self._batch is not None:
+                    self._batch.move(stage.inputs)
             self._stage += bool(stage.readings)
             for y in stage.readings:
                 self._take(stage.t, y)
@@ -169,6 +180,8 @@ class BeaconFilter:
             self.bank.begin(*started)
         elif y is None or not self.bank.begin_anywhere(y):
             return False
+        if self._batch is not None:
+            self._begin_batch(started)
         self._used, self.begun_at = 0, self._stage
         self._refused.clear()
         for each in self._refused_of:
@@ -184,6 +197,8 @@ class BeaconFilter:
             return
         known = self.found
         answers = self.bank.condition(y)
+        if self._batch is not None:
+            self._batch.read(y)
         squares = np.array([nu * nu / s for _, nu, s, _ in answers])
         refused = np.array([beta < 0.5 for *_, beta in answers], dtype=bool)
         self._note_unknown(y, answers, refused)
@@ -201,16 +216,20 @@ class BeaconFilter:
             for (row, nu, s, _), out in zip(answers, refused.tolist(), strict=True):
                 if not (out and declared):
                     self._monitor.note(t, np.array([nu]), np.array([[s]]), np.array([[self._noise(row, s)]]))
-        elif self._is_found():
+        elif self._is_found() and self._is_confirmed():
             self.found = True
             self._monitor.begin_again()
             if self._again:
                 self._beacons.restart(t)
             self._again = False
+        if known:
+            self._is_confirmed()
         recent = list(self._refused)[-_RECENT:]
         if len(recent) == _RECENT and sum(recent) >= _REFUSED and self._begin(y):
             self._again, self.found = self._again or self.found, False
             self.bank.condition(y)
+            if self._batch is not None:
+                self._batch.read(y)
 
     def _note_unknown(
         self, y: Array, answers: Sequence[tuple[int, float, float, float]], refused: NDArray[np.bool_]
@@ -225,6 +244,60 @@ class BeaconFilter:
             if self.model.columns[i] >= 0 and len(own) == _RECENT and sum(own) >= _REFUSED:
                 own.clear()
                 self.bank.forget(i)
+                self._confirmed[i] = False
+                if self._batch is not None:
+                    self._batch.forget(i)
+
+    def outliers(self) -> frozenset[tuple[int, int, float]]:
+        """Kind, beacon and value of each reading that is an outlier by the batch fit; none with all places known."""
+        found = self._batch.fit(self.bank.x[self.bank.best]) if self._batch is not None else None
+        return frozenset() if self._batch is None or found is None else self._batch.outliers(found)
+
+    def _begin_batch(self, started: tuple[Array, Array] | None) -> None:
+        """Begin the batch fit again: at a start (d,) with its covariance, or anywhere, with what the bank has of all
+        but the pose.
+        """
+        assert self._batch is not None
+        if started is None:
+            P = self.model.covariance(np.full(3, math.inf))
+            P[STATES:, STATES:] = self.bank.P[self.bank.best, STATES:, STATES:]
+            started = self.bank.x[self.bank.best], P
+        self._batch.begin(*started)
+        self._due = 0
+
+    def _is_confirmed(self) -> bool:
+        """True if all readings together confirm what the bank has; it then goes on from what fits them.
+
+        That is made again whenever there are 5 % more readings, while all places are where one filter has them.
+        """
+        if self._batch is None:
+            return True
+        placed = self.model.placed
+        if self._batch.stages < self._due or not (self.bank.places_found(self._farthest, alone=True) | ~placed).all():
+            return False
+        self._due = math.ceil(_GROWTH * self._batch.stages) + _LEAST_GROWTH
+        found, self._rival = self._batch.fit(self.bank.x[self.bank.best]), None
+        self._fitted = found is not None
+        if found is None:
+            return False
+        if not (self._confirmed | ~placed).all():
+            found, self._rival = self._batch.alone(found)
+            if self._rival is not None:
+                return False
+        P = found.covariance
+        if not self._is_exact(P):
+            return False
+        self.bank.settle(found.state, P)
+        self._confirmed = placed.copy()
+        return True
+
+    def _is_exact(self, P: Array) -> bool:
+        """True if a covariance (d, d) is that of a pose, and of places, that are found."""
+        columns = self.model.columns[self.model.placed & (self.model.columns >= 0)]
+        variances = np.diag(P)
+        places = variances[columns] + variances[columns + 1]
+        limit = self._farthest**2
+        return float(P[0, 0] + P[1, 1]) <= limit and float(P[2, 2]) <= _HEADING**2 and bool((places <= limit).all())
 
     def _noise(self, row: int, s: float) -> float:
         """Variance of the reading itself, at most s."""
@@ -272,7 +345,7 @@ class BeaconFilter:
 
     def _places(self, x: Array, P: Array) -> Mapping[str, Array]:
         """Published places of the beacons: those that are found."""
-        found, extra = self.bank.places_found(self._farthest), self.model.extra(x, P)
+        found, extra = self.bank.places_found(self._farthest) & self._confirmed, self.model.extra(x, P)
         missing = np.repeat(~found, 2)
         for values in extra.values():
             values[missing] = np.nan
@@ -289,6 +362,8 @@ class BeaconFilter:
         if not self.found:
             if self._again:
                 return Status.LOST, "looks for its pose"
+            if self._rival is not None:
+                return Status.INITIALISING, f"another place of beacon {self._rival} explains the readings as well"
             lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
             return Status.INITIALISING, (
                 f"waits until the beacons {', '.join(map(str, lacking))} are at one place each"
@@ -297,5 +372,7 @@ class BeaconFilter:
             )
         odometry = Status.OK if self.model.mission.odometry_is_input else self._odometry.status(t)
         odometry = Status.OK if odometry is Status.INITIALISING else odometry
+        if not self._fitted:
+            return Status.DEGRADED, "no state fits all readings since the beginning"
         found = worst(status, odometry, self._monitor.status(t))
         return found, self._monitor.message if found is not Status.OK else ""

@@ -33,6 +33,7 @@ _LARGEST = 6.0  # standard deviations of the scale errors
 _MADE_UP = 2.5  # periods between two readings of odometry, over which the former is made up for
 _SHORTEST = 0.05  # of a period: what is made up for in less would be a leap
 _TOO_FAST = 10.0  # times the robot's limits
+_ARC = 9.0  # square of the standard deviations over which an arc's rise counts
 _ANYHOW, _LASTS = 0.5, 1.0  # of its limits: how it may move without odometry, and for how long it moves likewise [s]
 
 
@@ -220,7 +221,8 @@ class BeaconModel:
     def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
         """Places and their covariance, NaN for one that was not found, if some are not known.
 
-        ``beacons`` (2 n,) [m] are the places of all beacons, two numbers each, ``beacons_covariance`` (2 n, 2 n) [m^2].
+        ``beacons`` (2 n,) [m] are the places of all beacons, two numbers each, ``beacons_covariance`` (2 n, 2 n) [m^2],
+        with what the bend of the circles adds to them, on which a beacon can be (``bend``).
         """
         if not self.mission.unknown:
             return NOTHING
@@ -230,6 +232,9 @@ class BeaconModel:
         columns = np.array([[self.columns[i], self.columns[i] + 1] for i in found], dtype=np.int64).ravel()
         places[at] = x[columns]
         covariance[np.ix_(at, at)] = P[np.ix_(columns, columns)]
+        for i in found:
+            own = slice(2 * i, 2 * i + 2)
+            covariance[own, own] += bend(covariance[own, own], math.dist(places[own], x[:2]))
         missing = np.isnan(places)
         covariance[missing, :] = covariance[:, missing] = np.nan
         return {"beacons": places, "beacons_covariance": covariance}
@@ -242,3 +247,16 @@ class BeaconModel:
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[:3].copy(), P[:3, :3].copy()
+
+
+def bend(P: Array, rho: float) -> Array:
+    """Covariance (2, 2) that the arc adds to that P (2, 2) of a place at a distance rho [m].
+
+    Ranges leave an arc. Along it a place is known to sigma, the root of the largest eigenvalue of P; across it, much
+    better. Over three sigma the arc rises by 9 sigma^2 / (2 rho) off its tangent: that counts as a standard deviation
+    across it, but no more than sigma.
+    """
+    values, vectors = np.linalg.eigh(P)
+    sigma = math.sqrt(max(float(values[1]), 0.0))
+    across = vectors[:, 0] * min(_ARC * sigma * sigma / (2.0 * max(rho, 1e-9)), sigma)
+    return np.outer(across, across)

@@ -4,6 +4,9 @@ Of beacons at unknown places it takes where the filter found them at last, b^, a
 start, so that no reading counts twice. Readings are linearised there, however far off the few first ones put a beacon:
 
     h(x, b) = h(x, b^) + dh/db (x, b^) (b - b^).
+
+While nothing is known of a beacon, any reading of it is as good as another; so those that are outliers by the batch fit
+of all readings are left out.
 """
 
 from __future__ import annotations
@@ -32,6 +35,10 @@ class Finder(Protocol):
     begun_at: int
     """number of stages with readings up to the one at which its filters began"""
 
+    def outliers(self) -> frozenset[tuple[int, int, float]]:
+        """Kind, beacon and value of each reading that is an outlier by all readings together."""
+        ...
+
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate at t [s]."""
         ...
@@ -44,6 +51,7 @@ class StartFindingModel(BeaconModel):
         super().__init__(mission)
         self._finder = finder
         self._found: Array | None = None  # (2 m,) [m] unknown places, as found
+        self._outliers: frozenset[tuple[int, int, float]] = frozenset()  # kind, beacon and value of readings
         self._waits = 0  # stages with readings before the start
 
     @property
@@ -70,6 +78,7 @@ class StartFindingModel(BeaconModel):
         nothing = self.covariance(np.zeros(3))
         covariance[STATES:], covariance[:, STATES:] = nothing[STATES:], nothing[:, STATES:]
         self.placed = finder.model.placed.copy()
+        self._outliers = finder.outliers()
         self.begin(start, covariance)
         self._waits = finder.begun_at - 1
 
@@ -84,7 +93,8 @@ class StartFindingModel(BeaconModel):
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
         if self._found is None:
             return super().residual(x, y)
-        r, W = super().residual(np.concatenate([x[:STATES], self._found]), y)
+        far = [(*self.entries[row], float(y[row])) in self._outliers for row in range(len(y))]
+        r, W = super().residual(np.concatenate([x[:STATES], self._found]), np.where(far, np.nan, y))
         return r - W[:, STATES:] @ (x[STATES:] - self._found), W
 
 

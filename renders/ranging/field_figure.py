@@ -21,8 +21,9 @@ from mathnavi.renders.ranging.drawing import begun
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.sim.records.run_folder import last_at
 
-DRIVEN, ESTIMATE, IMAGE = (
-    hexadecimal(COLOURS[part]) for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE)
+DRIVEN, ESTIMATE, IMAGE, BEACON = (
+    hexadecimal(COLOURS[part])
+    for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE, SceneElement.BEACON)
 )
 LOOKS = 9  # estimates marked along the path, the denser the earlier
 CLOSE = 0.15  # of the run that is shown enlarged
@@ -54,6 +55,13 @@ def _draw_field(axes: Axes, run: RangingRun) -> None:
             _draw_belief(axes, run, k)
             if number == 0:
                 _name(axes, f"after {t:.2g} s", run.beliefs.x[k, :2])
+    if len(run.beacons):
+        axes.plot(*run.beacons.T, "D", ms=6, color=BEACON, mec=INK, mew=0.6, ls="", label="beacon", zorder=4)
+    for place, P in run.beacons_believed(len(run.beliefs.t) - 1):
+        ring = shapes.ellipse(place, *shapes.half_axes(P, DEVIATIONS))
+        axes.fill(*ring.T, color=ESTIMATE, alpha=0.18, lw=0)
+        axes.plot(*ring.T, color=ESTIMATE, lw=0.8)
+        axes.plot(*place, "+", ms=8, color=ESTIMATE, zorder=5)
     for name, place, fill in (("start", run.pose[0, :2], "none"), ("end", run.pose[-1, :2], INK)):
         axes.plot(*place, "o", ms=6, mfc=fill, mec=INK, mew=1.4, zorder=5)
         _name(axes, name, place, below=True)

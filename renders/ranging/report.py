@@ -61,6 +61,8 @@ def _headline(run: RangingRun, title: str) -> Headline:
     }
     if summary.get("nees_mean") is not None:
         tiles["mean NEES, last quarter (3 if consistent)"] = page.number(summary["nees_mean"])
+    if "beacon_places" in summary:
+        tiles["beacons at unknown places"] = summary["beacon_places"]
     if summary.get("efficiency") is not None:
         tiles["position error over the Cramér-Rao bound"] = page.number(summary["efficiency"])
     symmetric = " The wall is symmetric: errors are those modulo its rotations." if run.symmetry != 1 else ""
@@ -73,6 +75,8 @@ def _path_caption(run: RangingRun) -> str:
     words = "The path driven and the estimate, marked at times that are the denser the earlier; on the right its end."
     if run.beliefs.covariance is not None:
         words += " The ellipses are those of three standard deviations."
+    if run.beacon_beliefs is not None:
+        words += " A cross with an ellipse is where a beacon at an unknown place is estimated in the end."
     if run.image:
         words += " The estimate follows the dashed path, from the poses along which the robot would read the same."
     return words

@@ -38,6 +38,9 @@ class RangingRun(LoggedRun):
     ranges: Array  # (n, l) [m] as read; NaN where lost
     odometry: Array  # (n, 2) [m/s, rad/s] as read; NaN where there is none
     beliefs: Beliefs
+    beacons: Array  # (m, 2) [m] true places of the beacons that the robot reads; none in most runs
+    beacon_beliefs: tuple[Array, Array] | None = None
+    """places (k, 2 m) [m] of the beacons and covariances (k, 2 m, 2 m), if it was not given all; NaN if not found"""
 
     @property
     def pose(self) -> Array:
@@ -49,11 +52,14 @@ class RangingRun(LoggedRun):
         """The wall."""
         return self.mission.curve
 
-    @property
-    def beacons(self) -> Array:
-        """Places (m, 2) [m] of the beacons that the robot reads; none in most runs."""
+    def beacons_believed(self, k: int) -> list[tuple[Array, Array]]:
+        """Place (2,) [m] and covariance (2, 2) of each beacon that estimate ``k`` has found."""
         mission = self.mission
-        return mission.beacons.places if isinstance(mission, BeaconFieldMission) else np.empty((0, 2))
+        if self.beacon_beliefs is None or k < 0 or not isinstance(mission, BeaconFieldMission):
+            return []
+        x, P = self.beacon_beliefs[0][k], self.beacon_beliefs[1][k]
+        slices = [slice(2 * i, 2 * i + 2) for i in mission.beacons.unknown]
+        return [(x[own], P[own, own]) for own in slices if np.isfinite(x[own]).all()]
 
     @cached_property
     def reads_walls(self) -> bool:
@@ -216,6 +222,10 @@ def load_run(directory: str | Path) -> RangingRun:
         ranges = shaped(arrays, "measurement.ranges", (n, sensors))
         odometry = shaped(arrays, "measurement.odometry", (n, 2))
         beliefs = read_beliefs(arrays, sensors)
+        beacons = _beacons(record)
+        k, m = len(beliefs.t), 2 * len(beacons)
+        places = shaped(arrays, "estimate.beacons", (k, m))
+        covariance = shaped(arrays, "estimate.beacons_covariance", (k, m, m))
     except ValueError as error:
         raise RunFolderError(f"{str(log.directory / ARRAYS)!r}: {error}") from None
     missing = np.nan
@@ -224,7 +234,16 @@ def load_run(directory: str | Path) -> RangingRun:
         np.full((n, sensors), missing) if ranges is None else ranges,
         np.full((n, 2), missing) if odometry is None else odometry,
         beliefs,
+        beacons,
+        None if places is None or covariance is None else (places, covariance),
     )  # fmt: skip
+
+
+def _beacons(record: RangingRecord) -> Array:
+    """True places (m, 2) [m] of the beacons."""
+    if record.beacon_places or record.beacons is None:
+        return np.array(record.beacon_places).reshape(-1, 2)
+    return record.beacons.places
 
 
 def _mission(record: RangingRecord) -> RangingMission:

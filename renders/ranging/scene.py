@@ -42,6 +42,7 @@ FAN = 0.62  # [m] radius of the sector of headings
 SHOWN, FAINT = 0.38, 0.08  # opacity of the estimate's ghost, of the faintest hypothesis that is left
 MERGED, LEAST = 0.3, 0.3  # [m] from what it lies on, within which a ghost is drawn fainter; down to this share
 LIFT = 0.002  # [m] of a ghost, so that its nose and that of a robot in the same place do not flicker
+DEVIATIONS = 3.0  # of the ellipse of a beacon
 APART = 0.3  # [m] between robot and estimate from which on both are named
 # The backdrop stands at 0.57 of the far plane, which therefore is far.
 OPTICS = {"top": Optics(11.0, 2.0, 150.0), "chase": Optics(42.0, 0.1, 40.0)}
@@ -141,6 +142,11 @@ class RangingScene(Staged):
             line = _lifted(np.array([here, place]), SENSOR_HEIGHT)
             self.stage.line(line, pale(COLOURS[SceneElement.RAY], 0.6), 0.65 * LINE[camera])
             self._add_dot(place, SceneElement.BEACON, 16.0)
+        for place, P in self.run.beacons_believed(self.run.belief(t)):
+            axes, direction = shapes.half_axes(P, DEVIATIONS)
+            ring = _lifted(shapes.ellipse(place, axes, direction), self._height)
+            self.stage.line(ring, COLOURS[SceneElement.ESTIMATE], 0.6 * LINE[camera])
+            self._add_dot(place, SceneElement.ESTIMATE, 8.0)
 
     def _add_images(self, t: float, camera: str) -> None:
         """The outline of the robot wherever it would read the same."""

@@ -28,6 +28,7 @@ from mathnavi.sim.metrics.ranging import HEADING, POSITION
 MOST_FRAMES = 500  # of rays and of what is believed
 DEVIATIONS = 3.0  # of the ellipse
 QUALITY = 88
+_CROSS = 0.06 * np.array([[[-1.0, 0.0], [1.0, 0.0]], [[0.0, -1.0], [0.0, 1.0]]])  # [m] where a beacon is believed
 
 
 def web_scene(run: RangingRun) -> Scene:
@@ -57,7 +58,13 @@ def web_scene(run: RangingRun) -> Scene:
         chase("follow the robot", chassis, 2.7, 1.5, 0.0, -38.0),
     ]
     lines = [*_paths(run), *_rays(run), *_beliefs(run)]
-    marks = [Mark("robot", COLOURS[SceneElement.DRIVEN], motion=chassis, dot=False)]
+    marks = [
+        Mark("robot", COLOURS[SceneElement.DRIVEN], motion=chassis, dot=False),
+        *(
+            Mark(f"beacon {i}", COLOURS[SceneElement.BEACON], place=np.array([x, y, SENSOR_HEIGHT]))
+            for i, (x, y) in enumerate(run.beacons)
+        ),
+    ]
     return Scene(
         run.log.title, run.duration, cameras, motions, surfaces, lines, marks, ranging_charts(run), floor=0.0
     )  # fmt: skip
@@ -175,6 +182,10 @@ def _beliefs(run: RangingRun) -> list[Lines]:
         if not run.initialised[k]:
             continue
         spread[-1].append(lifted(shapes.outline(beliefs.x[k]), MARKS))
+        for place, P in run.beacons_believed(int(k)):
+            axes, direction = shapes.half_axes(P, DEVIATIONS)
+            spread[-1].append(lifted(shapes.ellipse(place, axes, direction), MARKS))
+            spread[-1] += [lifted(place + cross, MARKS) for cross in _CROSS]
         if beliefs.covariance is not None and np.isfinite(beliefs.covariance[k]).all():
             axes, direction = shapes.half_axes(beliefs.covariance[k], DEVIATIONS)
             spread[-1].append(lifted(shapes.ellipse(beliefs.x[k, :2], axes, direction), MARKS))

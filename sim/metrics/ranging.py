@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from mathnavi.estimators.stagewise.model import StagewiseModel
 from mathnavi.interfaces.signals import Array, Integers, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.models.unicycle.beacons import BeaconFieldMission
+from mathnavi.models.unicycle.beacons import BeaconFieldMission, BeaconMission
 from mathnavi.models.unicycle.entity import RADIUS
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
@@ -187,6 +188,37 @@ def ranging_summary(
         "inputs_clipped": kinds["input-clipped"],
         "real_time_factor": float(t[-1]) / wall_seconds,
         "seed": seed,
+    }
+
+
+def beacons_summary(
+    recording: Recording, name: str, mission: BeaconMission, places: Sequence[tuple[float, float]]
+) -> dict[str, Any]:
+    """Summary of the places that a robot's estimator has in the end of the beacons that it was not given; empty if it
+    was given all.
+
+    Their true places are ``places`` [m]. A standard deviation is that of both coordinates together.
+    """
+    if not mission.unknown:
+        return {}
+    estimates = recording.agents[name].estimates
+    extra = estimates[-1].extra if estimates else {}
+    words, errors, deviations = [], [], []
+    for i in mission.unknown:
+        at = slice(2 * i, 2 * i + 2)
+        place = extra["beacons"][at] if "beacons" in extra else np.full(2, np.nan)
+        if not np.isfinite(place).all():
+            words.append(f"{i}: not found")
+            continue
+        errors.append(math.dist(place, places[i]))
+        deviations.append(math.sqrt(float(np.trace(extra["beacons_covariance"][at, at]))))
+        where = f"({place[0]:.2f}, {place[1]:.2f}) m"
+        words.append(f"{i}: {where}, sigma {deviations[-1]:.2g} m, error {errors[-1]:.2g} m")
+    return {
+        "beacons_found": len(errors),
+        "beacon_error_max_m": max(errors, default=None),
+        "beacon_deviation_max_m": max(deviations, default=None),
+        "beacon_places": "; ".join(words),
     }
 
 

@@ -25,6 +25,15 @@ DEFINITIONS: dict[str, str] = {
     "convergence_time_s": (
         "Last time at which position or heading is off by more than its limit, or there is no estimate."
     ),
+    "beacons_found": "Number of beacons, of those whose places the estimator was not given, that it has found.",
+    "beacon_error_max_m": "Largest distance of a beacon that was found from its true place, at the end of the run.",
+    "beacon_deviation_max_m": (
+        "Largest standard deviation that the estimator states of the place of a beacon that it has found, of both "
+        "coordinates together, at the end of the run."
+    ),
+    "beacon_places": (
+        "Places that the estimator has of the beacons that it was not given, by their numbers, at the end of the run."
+    ),
     "position_error_max_m": "Largest error of the estimated position after the convergence time.",
     "heading_error_max_deg": "Largest error of the estimated heading after the convergence time.",
     "nees_mean": (

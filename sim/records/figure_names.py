@@ -14,7 +14,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
-        "escape_time_s", "degraded_s",
+        "escape_time_s", "degraded_s", "beacons_found", "beacon_error_max_m", "beacon_deviation_max_m", "beacon_places",
     ),
     "mission": (
         "vehicles", "arrived", "arrived_vehicles", "spread_s", "first_arrival_s", "arrival_time_s", "deadline_s",
@@ -48,7 +48,12 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 # All figures above are numbers, or null if not known, except these.
 TRUTH_VALUES = frozenset(("hit", "hit_ground", "converged", "escaped", "arrived", "touched_wall"))
-TEXTS = frozenset(("observable", "left_out_beacons", "nearest_pair", "efficiency_basis", "unused_reasons", "waits_for"))
+TEXTS = frozenset(
+    (
+        "observable", "left_out_beacons", "nearest_pair", "efficiency_basis", "unused_reasons", "waits_for",
+        "beacon_places",
+    )
+)  # fmt: skip
 # Units by the end of a name; longer ones first.
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
 # Labels that do not follow from the name; |v| is a length in the metric of the system.

@@ -34,7 +34,8 @@ class RangingRecord:
     friction: float  # [-]
     start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
     rings: tuple[Ring, ...] = ()  # [m] corners of a polygon's rings, the outer one first; () of a curve
-    beacons: BeaconMission | None = None  # None: it reads none
+    beacons: BeaconMission | None = None  # as the estimator knows them; None: it reads none
+    beacon_places: tuple[tuple[float, float], ...] = ()  # [m] the true ones
     mounting: tuple[tuple[float, float], ...] = ()  # [m] of the sensors in the robot's axes: one for all, or one each
     outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
@@ -27,7 +27,7 @@ from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, Rang
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.metrics.ranging import ranging_summary
+from mathnavi.sim.metrics.ranging import beacons_summary, ranging_summary
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.range_missions import RangingRecord, wall_record
 from mathnavi.sim.scenarios.assembler import Assembler
@@ -83,7 +83,7 @@ class RangeLocalisation:
             {VEHICLE: stack.agent(2)},
             duration,
             partial(finished, body),
-            partial(summarise, mission, seed),
+            partial(summarise, mission, seed, config.beacons.places),
             mission=_record(config, mission, pose),
             resolved=dataclasses.replace(config, start=start),
             task=_task(mission, body, duration),
@@ -108,10 +108,18 @@ def finished(body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
 
 
 def summarise(
-    mission: RangingMission, seed: int, recording: Recording, wall_seconds: float
+    mission: RangingMission,
+    seed: int,
+    beacons: Sequence[tuple[float, float]],
+    recording: Recording,
+    wall_seconds: float,
 ) -> tuple[dict[str, Any], bool]:
-    """Summary, and whether the estimate converged and the robot did not touch the wall."""
+    """Summary, and whether the estimate converged and the robot did not touch the wall; ``beacons`` are at those places
+    [m].
+    """
     summary = ranging_summary(recording, VEHICLE, mission, seed, wall_seconds)
+    if isinstance(mission, BeaconFieldMission):
+        summary |= beacons_summary(recording, VEHICLE, mission.beacons, beacons)
     return evaluate(summary, [Requirement("converged", least=True), Requirement("touched_wall", most=False)])
 
 
@@ -155,9 +163,12 @@ def _mission(config: RangeLocalisationConfig) -> RangingMission:
 
 
 def _as_it_is(mission: RangingMission, config: RangeLocalisationConfig) -> RangingMission:
-    """Mission with the true errors of the sensors in place of the declared ones."""
+    """Mission with the true errors of the sensors in place of the declared ones, and all beacons where they are."""
     ranging, odometry = config.mismatch.ranging(mission.ranging), config.mismatch.odometry(mission.odometry)
-    return dataclasses.replace(mission, ranging=ranging, odometry=odometry)
+    true = dataclasses.replace(mission, ranging=ranging, odometry=odometry)
+    if isinstance(true, BeaconFieldMission):
+        true = dataclasses.replace(true, beacons=dataclasses.replace(true.beacons, beacons=config.beacons.places))
+    return true
 
 
 # ---- the start
@@ -282,5 +293,6 @@ def _record(config: RangeLocalisationConfig, mission: RangingMission, pose: Arra
         drive=config.drive,
         friction=config.friction,
         beacons=mission.beacons if isinstance(mission, BeaconFieldMission) else None,
+        beacon_places=config.beacons.places,
         outage=config.outage,
     )

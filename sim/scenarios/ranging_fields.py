@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Ge, Interval, Le
 
 from mathnavi.interfaces.angles import Degrees, Radians, check_angle
 from mathnavi.interfaces.bounds import (
@@ -43,6 +43,7 @@ _FARTHEST = 1000.0  # [m] of a range in a building
 _MOST_SENSORS = 64
 _FARTHEST_OUT = 1.0  # [m] of a sensor on the robot
 _AROUND = 3.0  # [m] by which a robot may be outside the box around all beacons
+_AROUND_UNKNOWN = 10.0  # [m] likewise where some are to be found
 _AXES = f"two finite values from {_SHORTEST:g} to {_LONGEST:g} m"
 
 
@@ -144,10 +145,13 @@ BeaconKind = Literal["ranges", "bearings", "range-differences"]
 
 @configuration(prefix="beacons.")
 class BeaconFields:
-    """Beacons at known places, which estimators such as beacon_bank read in place of the wall."""
+    """Beacons, which estimators such as beacon_bank read in place of the wall."""
 
     places: Annotated[tuple[tuple[float, float], ...], Each(_PLACE)] = ()
     """place X Y of a beacon [m]; may be given several times"""
+    unknown: Annotated[tuple[int, ...], Each(Ge(0))] = ()
+    """number of a beacon, from 0 in the order of the places, whose place the estimator is not given; may be given
+    several times"""
     read: Annotated[tuple[BeaconKind, ...], TOGETHER] = ("ranges",)
     """readings of each beacon: ranges, bearings, range differences to the first, or several of these"""
     range_noise: Annotated[NonNegative, Le(_LONGEST)] = 0.1
@@ -171,18 +175,30 @@ class BeaconFields:
         if "range-differences" in self.read and len(self.places) == 1:
             raise FieldError("beacons.read = range-differences of one beacon; allowed: two beacons or more")
 
+        if len(set(self.unknown)) < len(self.unknown) or any(i >= len(self.places) for i in self.unknown):
+            raise FieldError(
+                f"beacons.unknown = {self.unknown!r} with {len(self.places)} places; "
+                "allowed: different numbers of places, from 0"
+            )
+        if self.unknown and "ranges" not in self.read:
+            raise FieldError(
+                f"beacons.unknown = {self.unknown!r} with beacons.read = {self.read!r}; "
+                "allowed: with ranges, by which places are found"
+            )
+
     def mission(self) -> BeaconMission | None:
-        """Beacons as a mission declares them; None without any."""
+        """Beacons as a mission declares them to an estimator; None without any."""
         if not self.places:
             return None
+        given = tuple(None if i in self.unknown else place for i, place in enumerate(self.places))
         length = BeaconQuality(self.range_noise, 0.0, self.dropout, self.outliers)
         return BeaconMission(
-            self.places,
+            given,
             ranges=length if "ranges" in self.read else None,
             bearings=dataclasses.replace(length, absolute=self.bearing_noise) if "bearings" in self.read else None,
             range_differences=length if "range-differences" in self.read else None,
             range_scale=self.range_scale,
-            surroundings=_AROUND,
+            surroundings=_AROUND_UNKNOWN if self.unknown else _AROUND,
             interval=1.0 / self.rate,
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,3 +68,26 @@ def drive(kind: str = "ranges", count: int = 600, *, scale: float = 0.07, outlie
             truths.append(pose)
     readings = {SENSORS.get(name, name): np.array(each) for name, each in rows.items()}
     return Drive(mn.SensorLog(np.array(times), readings), np.array(truths))
+
+
+def wandering(seed: int, count: int = 500) -> tuple[mn.BeaconMission, Drive, Array]:
+    """A mission with four beacons at unknown places, a drive from a known start through it, and the places (4, 2)."""
+    rng = np.random.default_rng(seed)
+    places, pose, times, truths = rng.uniform(-35.0, 35.0, (4, 2)), np.zeros(3), [], []
+    ranges, odometry = np.full((count, 4), np.nan), np.empty((count, 2))
+    fastest, phase = rng.uniform(0.1, 0.35), rng.uniform(0.0, 6.0)
+    for k in range(count):
+        u = np.array([1.2 + 0.3 * np.sin(0.03 * k), fastest * np.sin(0.02 * k + phase)])
+        pose = integrate(pose, u[0], u[1], PERIOD)
+        if k % 2:
+            i = k // 2 % 4
+            ranges[k, i] = 1.05 * exact_readings(places, 0, pose)[i] + 0.3 * rng.standard_normal()
+            if rng.random() < 0.03:
+                ranges[k, i] = rng.uniform(0.0, 60.0)
+        odometry[k] = 1.01 * u + np.array([0.05, 0.02]) * rng.standard_normal(2)
+        times.append(times[-1] + PERIOD if times else PERIOD)
+        truths.append(pose)
+    start = mn.KnownStart((0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3), 0.0)
+    asked = dataclasses.replace(mission(surroundings=40.0), beacons=(None,) * 4, start=start)
+    log = mn.SensorLog(np.array(times), {"beacon_ranges": ranges, "odometry": odometry})
+    return asked, Drive(log, np.array(truths)), places

@@ -10,7 +10,7 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.models.unicycle.beacons import exact_readings
-from tests.estimators.beacons.drives import PLACES, Drive, drive, mission
+from tests.estimators.beacons.drives import PLACES, Drive, drive, mission, wandering
 
 
 def unknown(start: mn.KnownStart | None, *numbers: int) -> mn.BeaconMission:
@@ -37,6 +37,14 @@ def test_all_places_are_found_in_the_frame_of_the_start_as_well_as_is_said_and_t
     errors = [np.hypot(*(each.x - driven.truth)[found.usable, :2].T) for each in (found, smoothed)]
     assert np.square(errors[1]).mean() < np.square(errors[0]).mean()
     assert np.abs(smoothed.extra["beacons"][-1] - np.array(PLACES).ravel()).max() < 1.5
+
+
+def test_an_outlier_among_the_first_readings_of_a_beacon_does_not_lead_the_smoother_astray() -> None:
+    asked, driven, places = wandering(7)
+    smoothed = mn.estimate(mn.smoother("beacon_bank"), asked, driven.log)
+    off = smoothed.extra["beacons"][-1] - places.ravel()
+    assert np.abs(off).max() < 2.0
+    assert off @ np.linalg.solve(smoothed.extra["beacons_covariance"][-1], off) < 26.1, "one in 1000"
 
 
 def test_with_some_known_the_start_is_found_too() -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.commands.cli import main
 from mathnavi.models.unicycle.beacons import exact_readings
+from mathnavi.renders.ranging.run_data import load_run
+from mathnavi.renders.ranging.web import web_scene
 from mathnavi.sim.records.run_spec import RunSpec
 
 PLACES = ((3.0, 2.0), (-3.0, 2.5), (-2.5, -3.0))
@@ -53,9 +57,61 @@ def test_an_outage_leaves_out_beacons_too() -> None:
     assert read[t > 2.0].any()
 
 
+UNKNOWN: dict[str, Any] = {"beacons.unknown": (0, 2), "start_known": True, "start_error": (0.02, 0.02, 0.5)}
+
+
+@pytest.fixture(scope="module")
+def mapped() -> mn.RunResult:
+    return flown(3, **UNKNOWN, duration=10.0)
+
+
+def test_beacons_that_the_estimator_is_not_given_are_read_where_they_are_and_found_there(mapped: mn.RunResult) -> None:
+    read = np.isfinite(mapped["measurement.beacon_ranges"]).all(axis=1)
+    exact = np.array([exact_readings(np.array(PLACES), 0, pose) for pose in mapped["truth.x"][read, :3]])
+    assert np.abs(mapped["measurement.beacon_ranges"][read] - exact).mean() < 0.15
+    found, P = mapped["estimate.beacons"][-1].reshape(-1, 2), mapped["estimate.beacons_covariance"][-1]
+    errors = np.hypot(*(found - PLACES).T)
+    assert errors[1] == 0.0
+    assert 0.0 < errors.max() < 0.5
+    summary = mapped.summary
+    assert summary["beacons_found"] == 2
+    assert summary["beacon_error_max_m"] == pytest.approx(errors.max())
+    assert summary["beacon_deviation_max_m"] == pytest.approx(
+        max(np.sqrt(np.trace(P[k : k + 2, k : k + 2])) for k in (0, 4))
+    )
+    assert summary["beacon_places"].startswith(f"0: ({found[0, 0]:.2f}, {found[0, 1]:.2f}) m, sigma ")
+    assert "beacons_found" not in flown(duration=0.5).summary
+
+
+def test_a_recorded_run_with_unknown_beacons_gives_the_same_estimates_and_is_drawn(
+    mapped: mn.RunResult, tmp_path: Path
+) -> None:
+    folder = mapped.save(tmp_path / "run")
+    assert main(["estimate", "beacon_bank", str(folder), "--out", str(tmp_path / "again")]) in {0, 1}
+    again = load_run(tmp_path / "again").log.arrays
+    for name in ("x", "deviation", "beacons", "beacons_covariance"):
+        assert np.array_equal(again[f"estimate.{name}"], mapped[f"estimate.{name}"], equal_nan=True), name
+    drawn = load_run(folder)
+    assert drawn.beacons.tolist() == [list(place) for place in PLACES]
+    (place, P), (other, _) = drawn.beacons_believed(len(drawn.beliefs.t) - 1)
+    assert place == pytest.approx(mapped["estimate.beacons"][-1, :2])
+    assert other == pytest.approx(mapped["estimate.beacons"][-1, 4:])
+    assert np.linalg.eigvalsh(P)[0] > 0.0
+    assert drawn.beacons_believed(0) == []
+    scene = web_scene(drawn)
+    assert [mark.text for mark in scene.marks] == ["robot", "beacon 0", "beacon 1", "beacon 2"]
+    ends = [line for lines in scene.lines for line in lines.at(drawn.duration)]
+    assert any(np.allclose(line[:, :2].mean(axis=0), place, atol=1e-6) for line in ends), "a cross where it is believed"
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
+        ({"beacons.unknown": (3,)}, "beacons.unknown = .* with 3 places"),
+        ({"beacons.unknown": (1, 1)}, "different numbers"),
+        ({"beacons.unknown": (-1,)}, "beacons.unknown"),
+        ({"beacons.unknown": (1,), "beacons.read": ("bearings",)}, "allowed: with ranges"),
+        ({"beacons.unknown": (0, 1, 2)}, "neither the start nor the place of a beacon is known"),
         ({"beacons.places": ((0.0, 0.0), (0.0, 0.0))}, "one place twice"),
         ({"beacons.places": ((0.0, 0.0),), "beacons.read": ("range-differences",)}, "of one beacon"),
         ({"beacons.read": ()}, "beacons.read is empty"),

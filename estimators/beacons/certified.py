@@ -13,6 +13,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import field
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,6 +34,8 @@ _BANK = BeaconBankConfig()
 @configuration
 class BeaconCertifiedConfig:
     """Fields of the command line."""
+
+    kernels: ClassVar[str] = "mathnavi.estimators.beacons.ahead"  # compiled before the first run
 
     every: Positive = 1.0
     """time between two certificates [s]"""

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,8 @@ _SHOWN = 16  # hypotheses that an estimate carries
 @configuration
 class BeaconBankConfig:
     """Fields of the command line."""
+
+    kernels: ClassVar[str] = "mathnavi.estimators.beacons.batch_ahead"  # compiled before the first run
 
     gate: Probability = 1e-5
     """probability that a good reading is refused"""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from numba.core import types
 
 from mathnavi.estimators.integrity.pose_kernels import begin_branch, observe
+from mathnavi.estimators.integrity.windows import worst_of_channel
 from mathnavi.estimators.integrity.witness import is_possible
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, TWO_READ, array
@@ -18,4 +19,5 @@ KERNELS: tuple[Signature, ...] = (
     (observe, (*_FIXED, *_KEPT, *_FOUND, *_UPDATE)),
     (begin_branch, (TWO, THREE, ONE, TWO)),
     (is_possible, (ONE, TWO)),
+    (worst_of_channel, (TWO, types.int64, types.int64, _WHOLE, _NUMBER, _NUMBER, ONE)),
 )

@@ -134,7 +134,7 @@ class Windows:
     def of_channel(self, channel: int) -> float:
         """The largest ratio of a channel's own tests."""
         known = self.thresholds
-        return float(_of_channel(self.sums, self.k, channel, known.lengths, self.kappa, known.z, known.energy))
+        return float(worst_of_channel(self.sums, self.k, channel, known.lengths, self.kappa, known.z, known.energy))
 
     def is_quiet(self, channel: int, length: int) -> bool:
         """True if the last ``length`` updates of a channel pass its tests at the soft level."""
@@ -207,7 +207,7 @@ def worst_of(
 
 
 @njit(cache=True, nogil=True)
-def _of_channel(sums: Array, k: int, i: int, lengths: Integers, kappa: float, z: float, energy: Array) -> float:
+def worst_of_channel(sums: Array, k: int, i: int, lengths: Integers, kappa: float, z: float, energy: Array) -> float:
     """The worst ratio of one channel's mean and energy."""
     size = len(sums)
     l = (sums.shape[1] - 2) // 3  # noqa: E741

@@ -59,6 +59,8 @@ from mathnavi.models.unicycle.quality import RangeQuality
 class PoseFilterConfig:
     """Fields of the command line."""
 
+    kernels: ClassVar[str] = "mathnavi.estimators.ranging.pose_ahead"  # compiled before the first run
+
     gate: Probability = 1e-4
     """probability that a good range is refused"""
     timeout: Positive = 0.5

@@ -1,0 +1,20 @@
+"""The kernels of a run with beacons at unknown places too, compiled before it (``sim.engine.compilation``)."""
+
+from __future__ import annotations
+
+from numba.core import types
+
+from mathnavi.estimators.beacons import ahead
+from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs, step
+from mathnavi.interfaces.compiled import Signature
+from mathnavi.interfaces.kernel_types import ONE, TWO, combined
+
+_SOLUTION = (TWO, ONE)  # poses and constants
+_DATA = (combined(ONE, TWO), TWO, ahead.WHOLES, TWO, TWO, ahead.WHOLES, TWO)  # prior, pieces, readings, places, errors
+KERNELS: tuple[Signature, ...] = (
+    (step, (*_SOLUTION, *_DATA, types.boolean, types.float64)),
+    (cost_of, (*_SOLUTION, *_DATA, types.boolean)),
+    (moved, (ONE, ONE, TWO)),
+    (ring_costs, (TWO, TWO, ONE, ONE)),
+    *ahead.KERNELS,
+)

@@ -38,10 +38,9 @@ def runs(room: Path) -> dict[str, Sequence[Run]]:
         "quadrotor-canyon": [(None, {"start": (300.0, 275.0, 1232.0), "target": (204.0, 303.0, 1232.0)})],
         "range-localisation": [
             (None, {"duration": 1.0}),
-            ("range_ekf", {"duration": 0.5}),
-            ("range_iekf", {"duration": 1.0, "field.shape": "map", "field.map": str(room), **RANGE_FINDERS}),
+            ("range_ukf", {"duration": 1.0, "field.shape": "map", "field.map": str(room), **RANGE_FINDERS}),
             ("beacon_bank", {"duration": 4.0, **AMONG_BEACONS, "beacons.unknown": (0,), "start_known": True}),
-            ("mathnavi.estimators.beacons.certified:BeaconCertified", {"duration": 2.0, **AMONG_BEACONS}),
+            ("mathnavi.estimators.beacons.certified:BeaconCertified", {"duration": 1.0, **AMONG_BEACONS}),
         ],
         "simultaneous-arrival": [
             (

@@ -76,12 +76,28 @@ def smoothed(problem: PeerProblem) -> Array:
     """Poses (n, 3) of the batch smoother."""
     gtsam: Any = peer("gtsam")
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    for k, pose in enumerate(problem.truth):
+    _add_beacons(graph, values, problem)
+    return _optimised(graph, values, problem, problem.truth)[0]
+
+
+def mapped(problem: PeerProblem, poses: Array, places: Array) -> tuple[Array, Array]:
+    """Poses (n, 3) and places (m, 2) [m] of the batch smoother with all beacons at unknown places, from those given."""
+    gtsam: Any = peer("gtsam")
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for i, place in enumerate(places):
+        values.insert(_beacon(i), gtsam.Point2(*place))
+    return _optimised(graph, values, problem, poses)
+
+
+def _optimised(graph: Any, values: Any, problem: PeerProblem, poses: Array) -> tuple[Array, Array]:
+    """Poses (n, 3) and places (m, 2) [m] after Levenberg and Marquardt's steps from poses (n, 3) on."""
+    gtsam: Any = peer("gtsam")
+    for k, pose in enumerate(poses):
         values.insert(_pose(k), gtsam.Pose2(*pose))
         _add_stage(graph, problem, k)
-    _add_beacons(graph, values, problem)
     found = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-    return np.array([_array(found.atPose2(_pose(k))) for k in range(len(problem.t))])
+    places = np.array([found.atPoint2(_beacon(i)) for i in range(len(problem.places))])
+    return np.array([_array(found.atPose2(_pose(k))) for k in range(len(problem.t))]), places
 
 
 def lagged(problem: PeerProblem) -> Array:

@@ -50,6 +50,7 @@ from mathnavi.studies.real.published import (
     named,
 )
 from mathnavi.studies.real.targets import MANY, TARGETS
+from mathnavi.studies.real.unknown_beacons import OFF, PART, unknown_rows
 
 PartName = Literal["floors", "beacons", "unicycles", "arm", "attitude"]
 _ODOMETRY = re.compile(r"Robot(\d+)_Odometry\.dat")
@@ -104,7 +105,9 @@ def _windows(files: Sequence[str], config: RealConfig) -> list[FloorWindow]:
 
 def _beacons(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
     for file in files:
-        yield from _among_beacons(BeaconCase("beacons", (file,)), config)
+        case = BeaconCase("beacons", (file,))
+        yield from _among_beacons(case, config)
+        yield unknown_rows, case, {}
 
 
 def _unicycles(files: Sequence[str], config: RealConfig) -> Iterator[Computation]:
@@ -141,7 +144,7 @@ def _attitude(files: Sequence[str], config: RealConfig) -> Iterator[Computation]
 
 PARTS: Mapping[PartName, LogPart] = {
     "floors": LogPart(FLOORS, _floors, ("floor", "room")),
-    "beacons": LogPart(BEACONS, _beacons, ("beacons",)),
+    "beacons": LogPart(BEACONS, _beacons, ("beacons", PART)),
     "unicycles": LogPart(UNICYCLES, _unicycles, ("unicycles",)),
     "arm": LogPart(ARMS, _arm, ("arm",)),
     "attitude": LogPart(ATTITUDES, _attitude, ("attitude",)),
@@ -227,8 +230,11 @@ def _summary(reasons: Mapping[str, str]) -> tuple[str, ...]:
         "scans near the path saw, so that the robot knows the room and not where in it. Those that find a pose have an "
         f"unknown start, the others begin within 0.3 m and 0.15 rad. Left out: {LEFT_OUT}.",
         "Among beacons and landmarks errors are against the published reference, and deviations were set by hand on "
-        "these logs; GTSAM begins with the reference. Of the arm the reference is made of the readings of its own log, "
-        "by polynomials that know the future. Attitudes are judged by cameras, while the device moves, as BROAD does.",
+        "these logs; GTSAM begins with the reference. Without a place of any beacon, path and places of every method "
+        "are moved and turned together onto the reference, for readings do not tell where on the ground they are; "
+        f"GTSAM begins with the places of our smoother, or with others {OFF:g} m off. Of the arm the reference is made "
+        "of the readings of its own log, by polynomials that know the future. Attitudes are judged by cameras, while "
+        "the device moves, as BROAD does.",
         "Sure and wrong: OK, and off by more than three declared deviations for over a second. Lock: from the start to "
         "the first estimate that is near and stays so.",
         *(missing if reasons else ()),
@@ -249,13 +255,14 @@ def _caption(drawn: DrawnWindow | None) -> str:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """A table of buildings, of beacons and landmarks, of the arm and of attitudes, of those with rows."""
+    """Tables of buildings, beacons and landmarks, unknown ones, the arm and attitudes, of those with rows."""
     buildings = [row for row in rows if row["part"] in PLACES]
     drives = [row for row in rows if row["part"] in ("beacons", "unicycles")]
-    arm = chosen(rows, part="arm")
+    unplaced, arm = chosen(rows, part=PART), chosen(rows, part="arm")
     made = (
         Table("Buildings, medians over windows; shares are means", _BUILDINGS, _building_rows(buildings)),
         Table("Beacons and landmarks", _DRIVES, [_drive_cells(row) for row in drives]),
+        Table(f"{PART.capitalize()}, path and places aligned", _PLACES, [_place_cells(row) for row in unplaced]),
         Table("Arm", _ARM, [_arm_cells(row) for row in arm]),
         Table("Attitude", _ATTITUDE, [_attitude_cells(row) for row in chosen(rows, part="attitude")]),
     )
@@ -269,6 +276,10 @@ _BUILDINGS = (
 _DRIVES = (
     *("log", "beacons", "method", "start", "error while used, RMS [m]", "at all times [m]", "heading [°]", "NEES"),
     *("used [%]", "sure and wrong [%]", "lock [s]", "update [µs]"),
+)
+_PLACES = (
+    *("log", "beacons", "method", "start", "error while used, RMS [m]", "places, RMS [m]", "largest [m]", "used [%]"),
+    "update [µs]",
 )
 _ATTITUDE = (
     *("trial", "filter", "inclination, RMS [°]", "drift of the heading, RMS [°]", "total, RMS [°]", "NEES"),
@@ -291,10 +302,19 @@ def _building_rows(rows: Sequence[Row]) -> list[tuple[str, ...]]:
     ]  # fmt: skip
 
 
+def _method(row: Row) -> str:
+    return f"{row['estimator']}, {row['case']}" if isinstance(row["case"], str) else str(row["estimator"])
+
+
+def _place_cells(row: Row) -> tuple[str, ...]:
+    errors = (_number(row[name]) for name in ("position_rms_m", "beacons_rms_m", "beacons_max_m"))
+    used, update = _percent([row], "usable_share"), _number(row["update_us"])
+    return row["log"], str(row["beams"]), _method(row), row["start"], *errors, used, update
+
+
 def _drive_cells(row: Row) -> tuple[str, ...]:
-    scaled = f", {row['case']}" if isinstance(row["case"], str) else ""
     return (
-        row["log"], str(row["beams"]), f"{row['estimator']}{scaled}", row["start"], _number(row["position_rms_m"]),
+        row["log"], str(row["beams"]), _method(row), row["start"], _number(row["position_rms_m"]),
         _number(row["position_rms_all_m"]), _number(row["heading_rms_deg"]), _number(row["nees"]),
         _percent([row], "usable_share"), _percent([row], "wrong_share"), _number(row["lock_s"]),
         _number(row["update_us"]),

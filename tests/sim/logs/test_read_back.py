@@ -9,6 +9,7 @@ import pytest
 
 import mathnavi as mn
 from mathnavi.commands.cli import main
+from tests.sim.scenarios.test_flight_beacons import flown
 
 pytest.importorskip("mcap", reason="the extra mcap is not installed")
 pytest.importorskip("mcap_protobuf", reason="the extra mcap is not installed")
@@ -33,3 +34,14 @@ def test_a_run_comes_back_bit_by_bit(tmp_path: Path) -> None:
     one, other = (mn.estimate("range_iekf", mission, each) for each in (own, found))
     assert np.array_equal(one.x, other.x, equal_nan=True)
     assert one.status == other.status
+
+
+def test_ranges_to_beacons_of_a_flight_come_back_bit_by_bit(tmp_path: Path) -> None:
+    run = flown()
+    run.save(tmp_path / "run")
+    assert main(["export", str(tmp_path / "run"), "--mcap", str(tmp_path / "run.mcap")]) == 0
+    log = mn.read_log(tmp_path / "run.mcap")
+    found = log.sensor_log(readings={"beacon_ranges": "/readings/beacon_ranges"})
+    read = np.isfinite(run["measurement.beacon_ranges"]).any(axis=1)
+    assert np.array_equal(found.t, run["t"][read])
+    assert np.array_equal(found.readings["beacon_ranges"], run["measurement.beacon_ranges"][read], equal_nan=True)

@@ -13,8 +13,6 @@ covariance in Joseph's form, which rounding leaves positive:
 
 H = (1, 0, 0), K = P H' / (H P H' + R).
 
-A gust vector clipped to a length has a smaller variance than its rms says; the filter uses the variance after clipping.
-
 The filter watches the normalised innovations nu' S^-1 nu of its fixes, chi-squared with three degrees of freedom while
 gusts and noise are what the mission declares. A very unlikely fix is an outlier and is not used, unless many follow
 each other: then the filter is wrong. If the last fixes together are unlikely, the gusts or the noise are stronger than
@@ -28,21 +26,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
-from scipy.special import chdtri, gammainc
+from scipy.special import chdtri
 
+from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, as_stated
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
-from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
-from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission, PositionSensor
-from mathnavi.models.linear_noise import discretised
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -51,51 +47,6 @@ _EYE = np.eye(3)
 _AXES = 3
 _OUTLIER = float(chdtri(_AXES, 1e-9))
 _LASTING = 10  # outliers in a row
-
-
-@configuration
-class KalmanConfig:
-    """Fields of the command line."""
-
-    timeout: Positive = 1.0
-    """time without a fix after which the estimate is lost [s]"""
-    start_position_std: Positive | None = None
-    """standard deviation of the declared start on each axis [m]; that of the stationary filter if not given"""
-    start_velocity_std: Positive | None = None
-    """standard deviation of the initial velocity on each axis [m/s]; that of the stationary filter if not given"""
-    noise_floor: Positive = 0.1
-    """least standard deviation that the filter assumes for a fix, so that R stays positive [m]"""
-    gust_floor: Positive = 0.05
-    """least rms of the gusts that the filter assumes [m/s^2]; without gusts its gain would fall to zero"""
-    fixes: bool = False
-    """whether position fixes are read beside the ranges of a mission with beacons; without beacons they always are"""
-    position_std_max: Positive = 20.0
-    """standard deviation of a position by beacons, in any direction, up to which it is OK, and declared at most [m]"""
-
-
-@dataclass(frozen=True, eq=False)
-class AxisModel:
-    """Position, velocity and gust on one axis."""
-
-    gust_rms: float  # [m/s^2]
-    time_constant: float  # [s] tau
-    fix_std: float  # [m]
-
-    @staticmethod
-    def from_config(config: KalmanConfig, mission: FlightMission) -> AxisModel:
-        """Model for a configuration and a mission, with the floors of noise and gusts applied."""
-        return AxisModel(
-            max(clipped_rms(mission.gust), config.gust_floor),
-            mission.gust.time_constant,
-            max(mission.position_noise, config.noise_floor),
-        )
-
-    def discretised(self, h: float) -> tuple[Array, Array, Array]:
-        """F (3, 3), B (3, 1) and Q (3, 3) over h [s], exact."""
-        A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0 / self.time_constant]])
-        intensity = np.diag([0.0, 0.0, 2.0 * self.gust_rms**2 / self.time_constant])
-        F, Q = discretised(A, intensity, h)
-        return F, np.array([[0.5 * h * h], [h], [0.0]]), Q
 
 
 class Kalman:
@@ -121,7 +72,7 @@ class Kalman:
         """Build the estimator of one run: by ranges where the mission has beacons, else by fixes."""
         if mission.beacons is None:
             return Kalman(config, mission)
-        from mathnavi.estimators.beacons.flight import guarded  # it has the model of this filter
+        from mathnavi.estimators.beacons.flight import guarded  # takes a while to import
 
         return guarded(config, mission)
 
@@ -247,22 +198,4 @@ def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
 
     Anything wider would let the first fixes move the estimate by more than the declared quality says.
     """
-    P = Kalman.quality(config, mission).error.copy()
-    for k, stated in enumerate((config.start_position_std, config.start_velocity_std)):
-        if stated is not None:
-            P[k, :] = P[:, k] = 0.0
-            P[k, k] = stated**2
-    return P
-
-
-def clipped_rms(gust: DeclaredGusts) -> float:
-    """Rms [m/s^2] on each axis of a gust vector with three independent normal components, clipped to the length L.
-
-    E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees
-    of freedom, s the rms before clipping.
-    """
-    if gust.rms == 0.0:
-        return 0.0
-    ratio = (gust.limit / gust.rms) ** 2
-    square = 3.0 * gust.rms**2 * gammainc(2.5, 0.5 * ratio) + gust.limit**2 * (1.0 - gammainc(1.5, 0.5 * ratio))
-    return math.sqrt(square / 3.0)
+    return as_stated(Kalman.quality(config, mission).error, config)

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from annotated_types import Interval
 
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
-from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.kalman import Kalman
 from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.stagewise.horizon import MovingHorizon
 from mathnavi.estimators.stagewise.model import CountedModel, SmootherStage, StageBuilder

@@ -31,7 +31,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtri, log_ndtr
@@ -39,6 +38,7 @@ from scipy.special import chdtri, log_ndtr
 from mathnavi.estimators.beacons.flight_geometry import EXCLUDED, image_separation, located, mirrored, plane_of
 from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, start_covariance, thrice
 from mathnavi.estimators.beacons.flight_witness import RangeWitness
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -46,9 +46,6 @@ from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, 
 from mathnavi.models.aerial.beacons import RANGES, curvature_effects, slant_ranges
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-
-if TYPE_CHECKING:
-    from mathnavi.estimators.kalman import KalmanConfig
 
 FIXES = "position"
 _I9, _I3 = np.eye(9), np.eye(3)

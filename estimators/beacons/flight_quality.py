@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
+from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, as_stated, clipped_rms
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.beacons import FlightBeacons, least_information
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.sensor_faults import longest_gap
-
-if TYPE_CHECKING:
-    from mathnavi.estimators.kalman import AxisModel, KalmanConfig
 
 _WORST = 0.05  # share of places that are worse than the declared quality
 _GRID, _HEIGHTS = 12, (0.0, 150.0, 400.0)  # points along a side of the map, and heights [m] above h_min
@@ -32,8 +29,6 @@ def beacons_of(mission: FlightMission) -> FlightBeacons:
 
 def axis_model(config: KalmanConfig, mission: FlightMission) -> AxisModel:
     """Model of an axis, whose fixes are as exact as a range."""
-    from mathnavi.estimators.kalman import AxisModel, clipped_rms  # it builds this filter
-
     noise = max(beacons_of(mission).noise, config.noise_floor)
     return AxisModel(max(clipped_rms(mission.gust), config.gust_floor), mission.gust.time_constant, noise)
 
@@ -42,12 +37,7 @@ def start_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
     """Initial covariance (3, 3) of an axis: that of a start which is known as well as fixes would tell it that are as
     exact as a range, except where the configuration gives a deviation.
     """
-    P = _stationary(axis_model(config, mission), 1.0 / beacons_of(mission).rate)[0].copy()
-    for k, stated in enumerate((config.start_position_std, config.start_velocity_std)):
-        if stated is not None:
-            P[k, :] = P[:, k] = 0.0
-            P[k, k] = stated**2
-    return P
+    return as_stated(_stationary(axis_model(config, mission), 1.0 / beacons_of(mission).rate)[0], config)
 
 
 def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:

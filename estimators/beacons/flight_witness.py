@@ -11,19 +11,16 @@ import copy
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, QUIET, Flags, Thresholds, Windows, Worst
 from mathnavi.estimators.integrity.witness import is_plausible
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, curvature_effects, slant_ranges
 from mathnavi.models.aerial.mission import FlightMission
-
-if TYPE_CHECKING:
-    from mathnavi.estimators.kalman import KalmanConfig
 
 _WINDOWS = (0.5, 2.0, 5.0)  # [s]
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck

@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mathnavi.estimators.beacons.flight_quality import axis_model, start_covariance
-from mathnavi.estimators.kalman import AxisModel, KalmanConfig, clipped_rms, first_covariance
+from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, clipped_rms
+from mathnavi.estimators.kalman import first_covariance
 from mathnavi.estimators.stagewise.model import Piece, refused
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement

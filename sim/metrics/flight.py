@@ -39,7 +39,7 @@ def flight_bound(recording: Recording, name: str, mission: FlightMission) -> Pos
         return PosteriorBound.none("the estimator reads no position fixes", n)
     if not mission.position_noise > 0.0:
         return PosteriorBound.none("the fixes are declared exact", n)
-    from mathnavi.estimators.kalman import AxisModel, clipped_rms  # takes a while to import
+    from mathnavi.estimators.flight_model import AxisModel, clipped_rms  # takes a while to import
 
     rms = clipped_rms(mission.gust)
     if not rms > 0.0:

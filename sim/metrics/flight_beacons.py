@@ -58,7 +58,7 @@ def range_bound(recording: Recording, name: str, mission: FlightMission, beacons
     The derivatives of the ranges are those at the true places.
     """
     from mathnavi.estimators.beacons.flight_quality import thrice  # these take a while to import
-    from mathnavi.estimators.kalman import AxisModel, clipped_rms
+    from mathnavi.estimators.flight_model import AxisModel, clipped_rms
 
     agent, n = recording.agents[name], recording.length
     ranges, fixes = agent.readings.get(RANGES), agent.readings.get("position")

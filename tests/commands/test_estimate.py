@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from mathnavi.commands.cli import main
-from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.flight_model import KalmanConfig
+from mathnavi.estimators.kalman import Kalman
 from mathnavi.interfaces.protocols import Sensor, StateView
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.full_state import FullStateConfig
 from mathnavi.estimators.invariant.floating_base import FloatingBaseIekfConfig
-from mathnavi.estimators.kalman import KalmanConfig
 from mathnavi.estimators.ranging.observer import RangeObserverConfig
 from mathnavi.estimators.ranging.particle import RangeParticleConfig
 from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig

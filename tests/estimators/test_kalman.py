@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms, first_covariance
+from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, clipped_rms
+from mathnavi.estimators.kalman import Kalman, first_covariance
 from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.dynamics import TICK, flow

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.flight_model import KalmanConfig
+from mathnavi.estimators.kalman import Kalman
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.aerial.beacons import RANGES, FailingBeacons, FlightBeacons

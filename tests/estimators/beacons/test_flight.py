@@ -7,7 +7,8 @@ import pytest
 
 from mathnavi.estimators.beacons.flight import Side
 from mathnavi.estimators.beacons.flight_geometry import image_separation, located, mirrored, plane_of
-from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.flight_model import KalmanConfig
+from mathnavi.estimators.kalman import Kalman
 from mathnavi.interfaces.reading_counts import Unused, unused_in
 from mathnavi.interfaces.signals import Measurement, Status
 from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.estimators.kalman import KalmanConfig
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.moving_horizon import MovingHorizonConfig, MovingHorizonEstimator
 from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.horizon import HorizonProgramme, MovingHorizon

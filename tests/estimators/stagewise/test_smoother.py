@@ -6,7 +6,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from scipy.optimize import least_squares
 
-from mathnavi.estimators.kalman import KalmanConfig
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.model import SmootherStage, advanced, residuals
 from mathnavi.estimators.stagewise.ranging import RangingModel

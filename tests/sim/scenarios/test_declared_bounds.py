@@ -10,8 +10,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from mathnavi.commands.cli import main
+from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.full_state import FullState, FullStateConfig
-from mathnavi.estimators.kalman import Kalman, KalmanConfig
+from mathnavi.estimators.kalman import Kalman
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import FlightNoise

@@ -126,7 +126,7 @@ class Certificate:
                 late = f" with up to {age:.3g} s without a reading" if age > 0.0 else ""
                 raise MissionError(
                     f"{name} = {whole:g} leaves nothing to plan with; allowed: > {whole - left:.3g}, "
-                    f"which noise and gusts take{late}"
+                    f"which noise and gusts take{late}{_by_beacons(mission)}"
                 )
         across = bound.horizontal + (0.0 if mission.reach_in_terrain else mission.reach)
         return Certificate(
@@ -266,6 +266,16 @@ class Certificate:
 
 
 @lru_cache(maxsize=8)
+def _by_beacons(mission: FlightMission) -> str:
+    """What to add to a message about noise where the mission has beacons, whose places decide on it."""
+    if mission.beacons is None:
+        return ""
+    return (
+        f"; by its beacons the position is declared to {math.sqrt(float(mission.quality.error[0, 0])):.3g} m, one "
+        "sigma: nearer ones, more of them, or a smaller position_std_max of kalman help too"
+    )
+
+
 def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightField:
     """``terrain.inflated(across, rise)``, both [m]: one object for all that ask, for instance a mission's certificates
     and cost-to-go.

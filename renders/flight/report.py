@@ -255,7 +255,8 @@ def beacons_figure(run: FlightRun) -> Figure:
         upper.plot(t[i], error[i], color=colour_of(SceneElement.FLOWN), lw=1.1, label="error")
         upper.plot(t[i], spread[i], ":", color=BOUND, lw=1.2, label="three standard deviations")
         upper.set(ylabel="position [m]", title="Estimate of the position by ranges", ylim=(0.0, None))
-        upper.legend(loc="upper left")
+        upper.set_ylim(0.0, 1.2 * upper.get_ylim()[1])  # room for the legend
+        upper.legend(loc="upper left", ncols=2)
         for k, column in enumerate(ratio.T):
             read = np.isfinite(column)
             lower.plot(t[read], k + 0.1 * np.clip(column[read], -5.0, 5.0), color=colour_of(SceneElement.RAY), lw=0.6)

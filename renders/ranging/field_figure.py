@@ -36,8 +36,7 @@ DEVIATIONS = 3.0
 def field_figure(run: RangingRun) -> Figure:
     """The whole field, and the end of the run closely."""
     with matplotlib.rc_context(STYLE):
-        low, high = run.curve.polyline.min(axis=0), run.curve.polyline.max(axis=0)
-        wide, tall = high - low
+        wide, tall = np.ptp(np.vstack([run.curve.polyline, run.beacons]), axis=0)
         figure = canvas(9.4, float(np.clip(1.0 + 5.9 * tall / wide, 3.1, 6.2)))
         field, close = figure.subplots(1, 2, width_ratios=(2.6, 1.0))
         _draw_field(field, run)

@@ -164,5 +164,6 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
         failing = self.faults.beacons if isinstance(self.faults, BeaconFaults) else ()  # somebody's own may have none
         count = len(self.beacons.places)
         if any(each >= count for each in failing):
-            allowed = f"0 to {count - 1}" if count else "none without beacons.places"
-            raise FieldError(f"faults.beacons = {failing!r} with {count} beacons; allowed: {allowed}")
+            allowed = "none without beacons.places" if not count else "0" if count == 1 else f"0 to {count - 1}"
+            beacons = "1 beacon" if count == 1 else f"{count} beacons"
+            raise FieldError(f"faults.beacons = {failing!r}, of {beacons}; allowed: {allowed}")

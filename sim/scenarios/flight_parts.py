@@ -20,6 +20,7 @@ from mathnavi.models.aerial.beacons import RANGES, FlightBeacons
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.kernels import SIGHT_TOLERANCE
 from mathnavi.models.terrain.library import load_terrain, place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
@@ -115,10 +116,11 @@ def mission_but_ends(
 ) -> FlightMission:
     """Mission of a vehicle without its start and target; ``radars`` are known from the start.
 
-    Raises MissionError for ``beacons`` that the estimator does not read.
+    Raises MissionError for ``beacons`` that the estimator does not read, and for those that have to be seen and cannot.
     """
     mission = bare_mission(config, terrain, radars)
     if beacons is not None:
+        _check_sight(beacons, terrain)
         mission = dataclasses.replace(mission, beacons=beacons)
     if beacons is not None and RANGES not in {each.name for each in checked_sensors(estimator, mission)}:
         name = called("estimators", estimator.name)
@@ -127,6 +129,18 @@ def mission_but_ends(
             "ranges to beacons, such as kalman"
         )
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
+
+
+def _check_sight(beacons: FlightBeacons, terrain: HeightField) -> None:
+    """MissionError for a beacon that needs sight and can never be seen: below the ground, or off the map."""
+    for place in beacons.places if beacons.line_of_sight else ():
+        ground = float(terrain.height(place[0], place[1]))
+        if not place[2] >= ground - SIGHT_TOLERANCE:
+            where = "off the map" if math.isnan(ground) else f"below the ground, which is at {ground:.1f} m"
+            raise MissionError(
+                f"beacons.places = {place!r} is {where}; allowed: on or above the ground of the map, or "
+                "beacons.line_of_sight = false"
+            )
 
 
 # ---- starts and targets

@@ -28,7 +28,7 @@ from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.metrics.ranging import beacons_summary, ranging_summary
-from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.plugin.registry import PluginSpec, called
 from mathnavi.sim.records.range_missions import RangingRecord, wall_record
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
@@ -77,6 +77,7 @@ class RangeLocalisation:
         stack = parts.stack(mission)
         duration = round(config.duration / mission.period) * mission.period
         sensors = parts.sensors(_as_it_is(mission, config))
+        _check_unknown(config, sensors, parts.estimator)
         body = _body(config, mission, pose, _with_faults(sensors, config), parts.streams["sensing"])
         return parts.closed_loop(
             parts.disturbed(body, stack.planner.period, mass=1.0),
@@ -100,6 +101,15 @@ class RangeLocalisation:
         mission = _mission(config)
         error = np.array([mission.difference(pose, true[:3]) for pose, true in zip(x, truth, strict=True)])
         return dict(zip(POSE, error.T, strict=True))
+
+
+def _check_unknown(config: RangeLocalisationConfig, sensors: Sequence[Sensor], estimator: PluginSpec) -> None:
+    """MissionError for beacons at unknown places that an estimator does not read."""
+    if config.beacons.unknown and RANGES not in {each.name for each in sensors}:
+        raise MissionError(
+            f"beacons.unknown = {config.beacons.unknown!r}: the estimator {called('estimators', estimator.name)} does "
+            "not read beacons; allowed: one that does, such as beacon_bank"
+        )
 
 
 def finished(body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:

@@ -49,7 +49,11 @@ def test_the_legend_has_beacons_only_where_there_are_some(run: FlightRun) -> Non
 
 def test_a_figure_shows_the_innovations_and_the_time_for_which_a_beacon_is_left_out(run: FlightRun) -> None:
     drawn = among_beacons(run)
-    _, lower = beacons_figure(drawn).axes
+    figure = beacons_figure(drawn)
+    upper, lower = figure.axes
+    figure.canvas.draw()
+    top = max(float(np.max(line.get_ydata())) for line in upper.lines)
+    assert upper.get_legend().get_window_extent().y0 >= upper.transData.transform((0.0, top))[1], "hides no curve"
     first, second = (line.get_xdata() for line in lower.lines[:2])
     assert len(first) == len(run.t)
     assert max(second) < run.t[len(run.t) // 2]

@@ -57,6 +57,12 @@ def test_an_answer_that_is_an_image_is_explained(bank_run: RangingRun) -> None:
         assert ("indistinguishable from it" in names) == explained
 
 
+def test_the_field_has_room_for_beacons_far_outside_the_wall(bank_run: RangingRun) -> None:
+    far = replace(bank_run, beacons=np.array([[0.0, -9.0], [0.0, 9.0]]))
+    heights = [float(field_figure(run).get_size_inches()[1]) for run in (bank_run, far)]
+    assert heights[1] > 1.1 * heights[0]
+
+
 def test_a_circle_and_its_continuum_of_images_are_drawn(bank_run: RangingRun) -> None:
     run = replace(bank_run, mission=replace(bank_run.mission, curve=ellipse(3.0, 3.0)))
     assert run.curve.symmetry == 0

@@ -121,3 +121,10 @@ def test_a_recorded_run_with_unknown_beacons_gives_the_same_estimates_and_is_dra
 def test_beacons_that_cannot_be_are_refused(fields: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         flown(**fields)
+
+
+def test_unknown_beacons_that_an_estimator_does_not_read_are_refused() -> None:
+    fields = FIELDS | {"beacons.unknown": (0,), "start_known": True}
+    spec = RunSpec.of("range-localisation", 1, estimator="range_ekf", fields=fields)
+    with pytest.raises(ValueError, match=r"beacons.unknown = \(0,\): the estimator range_ekf .* allowed"):
+        spec.build()

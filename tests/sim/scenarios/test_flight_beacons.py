@@ -74,7 +74,8 @@ def test_the_recorded_flight_is_estimated_with_fewer_beacons_and_smoothed() -> N
         ({"beacons.places": ((0.0, 0.0, 1.0),) * 2}, "beacons.places = .* one place twice"),
         ({"beacons.places": ((0.0, 0.0, 1e9),)}, "beacons.places.*three values"),
         ({"beacons.range_noise": -1.0}, "beacons.range_noise = -1.0"),
-        ({"faults.beacons": (6,)}, r"faults.beacons = \(6,\) with 6 beacons; allowed: 0 to 5"),
+        ({"faults.beacons": (6,)}, r"faults.beacons = \(6,\), of 6 beacons; allowed: 0 to 5"),
+        ({"beacons.places": PLACES[:1], "faults.beacons": (1,)}, r"of 1 beacon; allowed: 0$"),
         ({"beacons.places": (), "faults.beacons": (0,)}, "allowed: none without beacons.places"),
     ],
 )
@@ -87,4 +88,22 @@ def test_beacons_that_cannot_be_are_refused(fields: dict[str, Any], said: str) -
 def test_beacons_that_an_estimator_does_not_read_are_refused(estimator: str) -> None:
     spec = RunSpec.of("safe-flight", 1, estimator=estimator, fields=FIELDS)
     with pytest.raises(ValueError, match=f"beacons.places = .*: the estimator {estimator} does not read them; allowed"):
+        spec.build()
+
+
+@pytest.mark.parametrize(
+    ("place", "where"), [((12000.0, 12000.0, -900.0), "below the ground"), ((-9.0, 12000.0, 900.0), "off the map")]
+)
+def test_a_beacon_that_nothing_ever_sees_is_refused_where_sight_is_needed(
+    place: tuple[float, float, float], where: str
+) -> None:
+    fields = FIELDS | {"beacons.places": (PLACES[2], place)}
+    spec = RunSpec.of("safe-flight", 1, estimator="kalman", fields=fields | {"beacons.line_of_sight": True})
+    with pytest.raises(ValueError, match=f"beacons.places = .*{place[0]}.* is {where}.*; allowed"):
+        spec.build()
+
+
+def test_bounds_that_beacons_leave_nothing_of_are_refused_with_how_well_these_tell_the_position() -> None:
+    spec = RunSpec.of("safe-flight", 1, estimator="kalman", fields=FIELDS | {"beacons.range_maximum": 10.0})
+    with pytest.raises(ValueError, match=r"leaves nothing to plan with.*beacons.* 20 m.*position_std_max"):
         spec.build()

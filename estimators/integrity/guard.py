@@ -53,7 +53,7 @@ _SHARE = 0.2  # of the period that replays may take
 COST = 1.5e-4
 """[s] of an update that is run again, on a common computer"""
 _DOUBT = "finds that its wheels slip more than declared, unless several of its readings are wrong"
-_WORDS = {MEAN: "its mean", ENERGY: "its spread", JOINT: "all readings together", RECKONED: "dead reckoning"}
+_WORDS = {MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning"}
 
 
 class Guarded:

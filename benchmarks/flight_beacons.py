@@ -71,7 +71,7 @@ class Arguments:
 
 @dataclass(frozen=True)
 class Flown:
-    """What one flight shows."""
+    """Figures of one flight."""
 
     arrived: bool
     square: float  # [m^2] mean of the squared error of the position

@@ -34,7 +34,7 @@ class KalmanConfig:
     gust_floor: Positive = 0.05
     """least rms of the gusts that the filter assumes [m/s^2]; without gusts its gain would fall to zero"""
     fixes: bool = False
-    """whether position fixes are read beside the ranges of a mission with beacons; without beacons they always are"""
+    """whether position fixes are read in addition to ranges to beacons; without beacons they always are"""
     position_std_max: Positive = 20.0
     """standard deviation of a position by beacons, in any direction, up to which it is OK, and declared at most [m]"""
 

@@ -91,7 +91,7 @@ class Kalman:
 
         P is the covariance just before a fix, when each variance is largest; each fix changes the estimate with
         covariance K S K', S = H P H' + R. The time between fixes is the longest that there can be while the estimate is
-        not lost. By ranges to beacons it is that at a bad place among them, and with fixes beside them the better
+        not lost. By ranges to beacons it is that at a bad place among them, and with fixes in addition the better
         of both.
         """
         by_ranges = None

@@ -267,7 +267,7 @@ class Certificate:
 
 @lru_cache(maxsize=8)
 def _by_beacons(mission: FlightMission) -> str:
-    """What to add to a message about noise where the mission has beacons, whose places decide on it."""
+    """Addition to a message about noise in a mission with beacons, whose places decide on it."""
     if mission.beacons is None:
         return ""
     return (

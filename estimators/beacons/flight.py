@@ -1,4 +1,4 @@
-"""The Kalman filter of a flight that reads ranges to beacons, instead of position fixes or beside them.
+"""The Kalman filter of a flight that reads ranges to beacons, instead of position fixes or in addition.
 
 The state x = (p, v, g) (9,) is position, velocity and gust, with the model of each axis of ``kalman``, which is exact
 over any time. Ranges are used one after the other, each by the second-order extended Kalman filter, which is exact for
@@ -97,7 +97,7 @@ class Side:
 
 
 class FlightRangeFilter:
-    """Estimator of position, velocity and gust from ranges to beacons, and from fixes where it is asked to."""
+    """Estimator of position, velocity and gust from ranges to beacons, and from fixes if ``fixes`` is set."""
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         beacons = beacons_of(mission)

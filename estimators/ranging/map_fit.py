@@ -31,11 +31,11 @@ class MapFit:
     def __init__(self, mission: RangingMission) -> None:
         self.has_corners = isinstance(mission.curve, Polygon)
         self.innovations = no_innovations(mission.sensors)
-        """of the last update, written by the kernels"""
+        """innovations of the last update, written by the kernels"""
         self._share = 0.0
 
     def note(self, unexplained: int, rays: int) -> None:
-        """Take an update in which so many of the ``rays`` that read something were ``unexplained``."""
+        """Take an update: the number of ``rays`` that read something, and of those that stay ``unexplained``."""
         if rays and self.has_corners:
             self._share += (1.0 - math.exp(-rays / _RECENT)) * (unexplained / rays - self._share)
 

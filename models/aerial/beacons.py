@@ -76,7 +76,7 @@ class FlightBeacons:
         return SlantRangeSensor(self, terrain, self.rate)
 
     def returns(self, terrain: HeightField, points: Array) -> NDArray[np.bool_]:
-        """True (k, n) for the beacons within reach, and in sight where that is asked, of ``points`` (k, 3) [m]."""
+        """True (k, n) for the beacons within reach, and in sight if they need it, of ``points`` (k, 3) [m]."""
         places = self.array
         within = np.ones((len(points), len(places)), dtype=np.bool_)
         if self.maximum is not None:

@@ -10,7 +10,6 @@ from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
-from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, judged_bound
 
@@ -20,6 +19,8 @@ if TYPE_CHECKING:
 
 def beacon_figures(recording: Recording, name: str, beacons: FlightBeacons) -> dict[str, Any]:
     """Figures of the estimates of one vehicle that reads ``beacons``, for the summary."""
+    from mathnavi.sim.metrics.consistency import normalised_error_squared  # takes a while to import
+
     t, estimates = recording.t, recording.agents[name].estimates
     newest = np.searchsorted([each.t for each in estimates], t + TIME_TOLERANCE, side="right") - 1
     begun = newest >= 0

@@ -369,7 +369,7 @@ class BeaconFilter:
                 return Status.INITIALISING, f"another place of beacon {self._rival} explains the readings as well"
             lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
             return Status.INITIALISING, (
-                f"waits until the beacons {', '.join(map(str, lacking))} are at one place each"
+                f"waits until one place is left for each beacon that was not given: {', '.join(map(str, lacking))}"
                 if len(lacking)
                 else "waits until one pose is left"
             )

@@ -18,7 +18,6 @@ import numpy as np
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT, WALL_HEIGHT, WALL_THICKNESS
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.field.wall import Wall
 from mathnavi.models.unicycle.entity import FLOOR, build_spec
 from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
@@ -60,7 +59,7 @@ class RangingScene(Staged):
         self.run = run
         self.model = _model(run, width, height, samples)
         self.stage = Stage(self.model, width, height, glow=0.1)
-        self._top = top_view(run.curve, width / height)
+        self._top = top_view(np.concatenate((run.curve.polyline, run.beacons)), width / height)
         robot = np.flatnonzero(self.model.geom_group == ROBOT_GROUP).tolist()
         nose = [g for g in robot if self.model.geom(g).name.endswith("/nose")]
         self._nose, self._body = frozenset(nose), frozenset(robot) - frozenset(nose)
@@ -260,10 +259,12 @@ def _paint(spec: Any, run: RangingRun) -> None:
     )  # fmt: skip
 
 
-def top_view(curve: Wall, aspect: float) -> View:
-    """View from above in which the field fills the free part of a picture of that width over height."""
+def top_view(points: Array, aspect: float) -> View:
+    """View from above in which points (n, 2) [m], of the wall and the beacons, fill the free part of a picture of that
+    width over height.
+    """
     reach = 2.0 * WALL_THICKNESS
-    low, high = curve.polyline.min(axis=0) - reach, curve.polyline.max(axis=0) + reach
+    low, high = points.min(axis=0) - reach, points.max(axis=0) + reach
     wide, tall = high - low
     tangent = math.tan(math.radians(OPTICS["top"].field_of_view) / 2.0)
     heights = [max(wide / ((right - left) * aspect), tall / (bottom - top)) for left, right, top, bottom in FREE]

@@ -4,8 +4,7 @@
 
 One mission of ``safe-flight`` over the terrain jacksboro, 2.8 km under gusts of 1 m/s^2, is flown in closed loop by the
 estimator ``kalman``: by fixes with 2 m of noise on each axis, by ranges with 0.5 m of noise to four or six beacons,
-both ten times
-a second, and with one beacon that is stuck, or 5 m off, from 10 s on.
+both ten times a second, and with one beacon that is stuck, or 5 m off, from 10 s on.
 """
 
 from __future__ import annotations
@@ -28,6 +27,8 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 
 from mathnavi.interfaces.signals import Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.metrics.consistency import normalised_error_squared
+from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
 from mathnavi.sim.records.run_spec import RunSpec
 
 PLACES = (
@@ -40,8 +41,6 @@ MISSION: Mapping[str, Any] = {
     "speed_max": 100.0, "faults.gust_rms": 1.0,
 }  # fmt: skip
 FAULTY = 1  # number of the beacon that fails
-THREE_SIGMA = 14.16  # e' P^-1 e of a position: chi-squared of three numbers, at the chance of three sigma of one
-SPELL = 1.0  # [s] for which an estimate is wrong, at least
 
 
 def by_beacons(count: int, fault: str = "") -> dict[str, Any]:
@@ -70,41 +69,38 @@ class Arguments:
 
 
 @dataclass(frozen=True)
-class Flown:
+class BeaconFlight:
     """Figures of one flight."""
 
     arrived: bool
     square: float  # [m^2] mean of the squared error of the position
     nees: float  # mean of e' P^-1 e of the position
     ok: float  # share of the time
-    sure_and_wrong: float  # share of the time: OK, and off by more than three sigma for a second or more
+    sure_and_wrong: float  # share of the time (``sure_and_wrong``)
     left_out: tuple[int, ...]  # beacons, at any time
 
 
-def flown(fields: Mapping[str, Any], seed: int) -> Flown:
+def flown(fields: Mapping[str, Any], seed: int) -> BeaconFlight:
     """Fly a mission."""
     result = RunSpec.of("safe-flight", seed, estimator="kalman", fields={**MISSION, **fields}).build().run()
     ((name, agent),) = result.recording.agents.items()
     t, truth = result.recording.t, result.recording.truths[name]
-    squares, nees, ok, out = [], [], [], set[int]()
+    errors, covariances, ok, out = [], [], [], set[int]()
     for estimate in agent.estimates:
-        k = int(np.searchsorted(t, estimate.t - TIME_TOLERANCE))
         assert estimate.covariance is not None
-        e = estimate.x[:3] - truth[k, :3]
-        squares.append(float(e @ e))
-        nees.append(float(e @ np.linalg.solve(estimate.covariance[:3, :3], e)))
+        errors.append(estimate.x[:3] - truth[int(np.searchsorted(t, estimate.t - TIME_TOLERANCE)), :3])
+        covariances.append(estimate.covariance[:3, :3])
         ok.append(estimate.status is Status.OK)
         out |= set(np.flatnonzero(estimate.extra.get("left_out", np.zeros(0))).tolist())
-    wrong = np.concatenate([[False], np.array(ok) & (np.array(nees) > THREE_SIGMA), [False]]).astype(int)
-    spells = np.flatnonzero(np.diff(wrong) == -1) - np.flatnonzero(np.diff(wrong) == 1)
-    long = spells[spells * float(t[1] - t[0]) > SPELL]
-    return Flown(
-        result.success, float(np.mean(squares)), float(np.mean(nees)), float(np.mean(ok)),
-        float(long.sum()) / len(ok), tuple(sorted(out)),
+    e, P, times = np.array(errors), np.array(covariances), np.array([each.t for each in agent.estimates])
+    wrong = sure_and_wrong(times, np.array(ok), e, P, (slice(0, 3),))
+    return BeaconFlight(
+        result.success, float(np.square(e).sum(axis=1).mean()), float(normalised_error_squared(e, P).mean()),
+        float(np.mean(ok)), float(wrong.mean()), tuple(sorted(out)),
     )  # fmt: skip
 
 
-def summed(flights: Sequence[Flown]) -> list[str]:
+def summed(flights: Sequence[BeaconFlight]) -> list[str]:
     """Row of a table: the figures over all flights of a kind."""
     squares, nees, ok, wrong = (
         np.array([getattr(each, name) for each in flights]) for name in ("square", "nees", "ok", "sure_and_wrong")

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 from annotated_types import Interval
@@ -78,7 +78,7 @@ class MovingHorizonEstimator:
         interval = 1.0 / mission.position_rate if isinstance(mission, FlightMission) else self.period
         self._timeout_monitor = TimeoutMonitor(config.timeout, interval)  # of the readings that agreed
         self._reader = RangeReader(mission, config.timeout) if isinstance(mission, RangingMission) else None
-        self._ranging: RangingModel | None = getattr(model, "ranging", None)
+        self._ranging = cast("RangingModel", model) if isinstance(mission, RangingMission) else None
         self._counts = ReadingCounts() if self._reader is None else self._reader.counts
         self._residuals = InnovationMean(_MOST)
         self._t: float | None = None  # [s] of the last call
@@ -96,7 +96,8 @@ class MovingHorizonEstimator:
             from mathnavi.estimators.integrity.ranging import guarded
             from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
 
-            return guarded(partial(MovingHorizonEstimator._built, config), mission, finder=pose_finder, most_out=0)
+            finder = partial(pose_finder, timeout=config.timeout)
+            return guarded(partial(MovingHorizonEstimator._built, config), mission, finder=finder, most_out=0)
         return MovingHorizonEstimator._built(config, mission)
 
     @staticmethod

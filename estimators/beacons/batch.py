@@ -47,7 +47,7 @@ Data = tuple[Array, Integers, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BatchMinimum:
     """A minimum of the cost."""
 
     X: Array  # (N, 3) poses at the stages
@@ -118,7 +118,7 @@ class BatchFit:
         after[k : k + 2, k : k + 2] = np.linalg.inv(self._nothing[k : k + 2, k : k + 2])
         self._prior = x, after
 
-    def fit(self, x: Array) -> Fit | None:
+    def fit(self, x: Array) -> BatchMinimum | None:
         """Fit from a state x (d,) of now on; None if the steps do not converge to a minimum that has a covariance."""
         data = self._data()
         begin = self._initial(x)
@@ -132,7 +132,7 @@ class BatchFit:
                 self._marginalise(found, data)
         return found
 
-    def outliers(self, found: Fit) -> frozenset[tuple[int, int, float]]:
+    def outliers(self, found: BatchMinimum) -> frozenset[tuple[int, int, float]]:
         """Kind, beacon and value of each reading that is rather an outlier by a fit."""
         far, X = set(), found.X[-self.stages :]  # those that are left
         for k, kind, i, value in self._data()[2].tolist():
@@ -144,7 +144,7 @@ class BatchFit:
                 far.add((int(kind), int(i), value))
         return frozenset(far)
 
-    def alone(self, found: Fit) -> tuple[Fit, int | None]:
+    def alone(self, found: BatchMinimum) -> tuple[BatchMinimum, int | None]:
         """The most probable fit that a search for other places of the beacons leads to from a fit, and a beacon of
         which another place is as probable as one in e^9 or more; None if there is none.
         """
@@ -158,7 +158,7 @@ class BatchFit:
             found, self._X = other, other.X
         return found, i
 
-    def rival(self, found: Fit) -> tuple[int, Fit] | None:
+    def rival(self, found: BatchMinimum) -> tuple[int, BatchMinimum] | None:
         """A beacon, and a fit with it at another place that is as probable as one in e^9 or more; None without one."""
         data, P = self._data(), found.covariance
         for i in self._model.mission.unknown:
@@ -208,7 +208,7 @@ class BatchFit:
         data: Data,
         costs: tuple[bool, ...],
         ends: Callable[[Array], bool] | None = None,
-    ) -> Fit | None:
+    ) -> BatchMinimum | None:
         """Minimum from poses X (N, 3) and constants theta (p,) on, for the robust cost and for that of the data in
         turn; None if the steps do not converge, or come to constants that ``ends`` is true of.
         """
@@ -241,9 +241,9 @@ class BatchFit:
         information = 0.5 * (information + information.T)
         if not np.isfinite(information).all() or np.linalg.eigvalsh(information)[0] <= 0.0:
             return None
-        return Fit(X, theta, cost, information)
+        return BatchMinimum(X, theta, cost, information)
 
-    def _others(self, found: Fit, i: int, own: Array, data: Data) -> list[Array]:
+    def _others(self, found: BatchMinimum, i: int, own: Array, data: Data) -> list[Array]:
         """Places (2,) of beacon i other than that of a fit, known to ``own`` (2, 2), that explain its ranges best of
         those nearby.
         """
@@ -272,7 +272,7 @@ class BatchFit:
                     places.append(place)
         return places
 
-    def _marginalise(self, found: Fit, data: Data) -> None:
+    def _marginalise(self, found: BatchMinimum, data: Data) -> None:
         """Replace the oldest half of the stages by the Gaussian of the state at the first one that stays."""
         pieces, firsts, readings = data
         k = self.stages // 2

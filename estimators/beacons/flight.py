@@ -37,7 +37,7 @@ from scipy.special import chdtri, log_ndtr
 
 from mathnavi.estimators.beacons.flight_geometry import EXCLUDED, image_separation, located, mirrored, plane_of
 from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, start_covariance, thrice
-from mathnavi.estimators.beacons.flight_witness import RangeWitness
+from mathnavi.estimators.beacons.flight_witness import FIXES, RangeWitness
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
@@ -47,7 +47,6 @@ from mathnavi.models.aerial.beacons import RANGES, curvature_effects, slant_rang
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
-FIXES = "position"
 _I9, _I3 = np.eye(9), np.eye(3)
 _OUTLIER = float(chdtri(1, 1e-9))
 _LASTING = 10  # readings of which most are refused, in a row

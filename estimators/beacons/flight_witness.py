@@ -25,7 +25,8 @@ from mathnavi.models.aerial.mission import FlightMission
 _WINDOWS = (0.5, 2.0, 5.0)  # [s]
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
 _ALIKE = float(chdtri(6, 1e-3))
-_FIXES = "position"
+FIXES = "position"
+"""name of the sensor of fixes"""
 
 
 class RangeWitness:
@@ -95,7 +96,7 @@ class RangeWitness:
 
     def _newest(self, measurements: Sequence[Measurement]) -> tuple[Array, float]:
         """Newest readings (l,), NaN for none, and their time [s]: of the newest instant alone."""
-        mine = [each for each in measurements if each.name in (RANGES, _FIXES)]
+        mine = [each for each in measurements if each.name in (RANGES, FIXES)]
         n, y = len(self._places), self._nothing.copy()
         t = max((each.t for each in mine), default=0.0)
         for each in mine:
@@ -103,7 +104,7 @@ class RangeWitness:
                 continue
             if each.name == RANGES and each.value.shape == (n,):
                 y[:n] = np.where(np.isfinite(each.value), each.value, np.nan)
-            elif each.name == _FIXES and len(y) > n and each.value.shape == (3,):
+            elif each.name == FIXES and len(y) > n and each.value.shape == (3,):
                 y[n:] = np.where(np.isfinite(each.value), each.value, np.nan)
         return y, t
 
@@ -137,7 +138,7 @@ class RangeWitness:
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         n = len(self._places)
-        rows = {RANGES: [i for i in out if i < n], _FIXES: [i - n for i in out if i >= n]}
+        rows = {RANGES: [i for i in out if i < n], FIXES: [i - n for i in out if i >= n]}
         return tuple(_without(each, rows[each.name]) if rows.get(each.name) else each for each in measurements)
 
     def agree(self, one: Estimate, other: Estimate) -> bool:

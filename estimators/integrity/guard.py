@@ -71,6 +71,7 @@ class Guarded:
         recovery: Recovery | None = None,
         restart: Restart | None = None,
         trusted: bool = True,
+        unfound: bool = False,
         most_out: int = 2,
         cost: float = COST,
         rival: Callable[[], Estimator] | None = None,
@@ -85,6 +86,7 @@ class Guarded:
             restart: how it begins at an estimate; None for one that cannot.
             trusted: True if the estimate is OK as soon as the estimator says so, False if no test may have alarmed for
                 2 s before.
+            unfound: True for one that cannot find its state: it waits for ``recovery`` to find it.
             most_out: number of channels that may be left out together; 0 where none can be spared.
             cost: time [s] of an update that is run again.
             rival: maker of an estimator that finds its state by itself, to compare with; None for no such.
@@ -103,7 +105,7 @@ class Guarded:
         self._state, self._message = self._first, ""
         self._begun = False  # whether the estimator was OK for long enough yet
         self._out: frozenset[int] = frozenset()
-        self._astray = False  # True for an estimator that has to begin again
+        self._astray = self._unfound = unfound  # True for one that has to begin again, and that never has
         self._k = self._quiet = 0
         self._next_attempt, self._unexplained = 0, -1
         self._past: deque[Reading] = deque(maxlen=self._updates(_MEMORY) + 1)
@@ -234,6 +236,8 @@ class Guarded:
     def _calm(self) -> None:
         """Count an update without an alarm: settle, readmit channels, keep a copy."""
         self._quiet += 1
+        if self._unfound:
+            return
         if self._search is not None and not self._asked.strict:
             if self._quiet < self._found:
                 return  # nothing is decided yet
@@ -393,9 +397,9 @@ class Guarded:
         found = self._recovery.found(t, measurements, command)
         if found is not None:
             self._replace(Replay(found, self._now.witness), anew=True)
-            self._quiet, self._astray = 0, False
+            self._message = "has begun" if self._unfound else "has begun again"
+            self._quiet, self._astray, self._unfound = 0, False, False
             self._now.witness.clear()
-            self._message = "has begun again"
 
 
 def alone(estimator: Estimator) -> Estimator:

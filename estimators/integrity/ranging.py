@@ -32,6 +32,7 @@ from mathnavi.estimators.ranging.reader import ODOMETRY, RANGES, TOO_FAST
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
 
@@ -278,8 +279,9 @@ def guarded(
     """The estimator that ``build`` makes of a mission, with its monitor.
 
     ``finder`` is that of a filter that does not find an unknown pose by itself: its first word is not trusted where the
-    start is unknown, and where it is lost it begins again from what the finder found. ``stand_in`` makes the estimator
-    of replays, where the other takes too long to run again; one whose update takes ``cost`` [s] about.
+    start is unknown, and where it is lost it begins again from what the finder found. Within a polygon, where a wrong
+    pose may explain its readings for long, it waits for the finder at an unknown start too. ``stand_in`` makes the
+    estimator of replays, where the other takes too long to run again; one whose update takes ``cost`` [s] about.
 
     From an unknown start as many rays are kept as tell a wrong pose from the right one. How far the map may be off is
     part of what is published, and of nothing within: it moves the walls and the pose alike.
@@ -289,6 +291,7 @@ def guarded(
     place, direction = np.square(mission.map_deviation).tolist()
     return Guarded(
         build(mission), PoseWitness(mission), most_out=min(most_out, spare), trusted=by_itself or starts,
+        unfound=not (by_itself or starts) and isinstance(mission.curve, Polygon),
         recovery=None if finder is None else Relocation(mission, build, finder),
         restart=Restarts(mission, build, stand_in), cost=cost,
         rival=partial(build, dataclasses.replace(mission, start=None)) if by_itself and stand_in is None else None,

@@ -372,6 +372,6 @@ class FeasibleSetBank:
         return f"waits for ranges of {needed} beam{'s' * (needed > 1)} at one pose: it has {enough.sum()}"
 
 
-def pose_finder(mission: RangingMission) -> FeasibleSetBank:
-    """The bank, with its standard fields, by which a filter that lost the pose finds it again."""
-    return FeasibleSetBank(FeasibleSetBankConfig(), mission)
+def pose_finder(mission: RangingMission, timeout: float = FeasibleSetBankConfig.timeout) -> FeasibleSetBank:
+    """The bank, with its standard fields and the ``timeout`` [s] of a filter, which does not find the pose itself."""
+    return FeasibleSetBank(FeasibleSetBankConfig(timeout=timeout), mission)

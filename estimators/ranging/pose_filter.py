@@ -1,9 +1,11 @@
 """Common part of the extended Kalman filters of a pose: one Gaussian, conditioned on the rays of a reading.
 
 State, motion and errors are those of ``kalman_kernels``. If the start is unknown a filter begins at the centre with the
-covariance of a pose that may be anywhere. Within a polygon a ray jumps at its corners, where a filter that linearises
-follows the wrong wall: there the update is that of ``wall_choice_kernels``, in which the probability that a good range
-is refused is the share of outliers where fewer are declared, and the estimate is that of a map (``map_fit``).
+covariance of a pose that may be anywhere, and within a polygon where a bank has found the pose.
+
+Within a polygon a ray jumps at corners, where a filter that linearises follows the wrong wall: there the update is that
+of ``wall_choice_kernels``, in which the probability that a good range is refused is the share of outliers where fewer
+are declared, and the estimate is that of a map (``map_fit``).
 
 **filterpy's extended Kalman filter for a robot that reads ranges**: the baseline of the other filters.
 
@@ -86,7 +88,8 @@ class PoseFilter(ABC):
     @classmethod
     def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Guarded:
         """Build the estimator of one run, with its monitor of integrity."""
-        return guarded(partial(cls, config), mission, finder=pose_finder, cost=cls.cost)
+        finder = partial(pose_finder, timeout=config.timeout)
+        return guarded(partial(cls, config), mission, finder=finder, cost=cls.cost)
 
     @staticmethod
     def sensors(config: PoseFilterConfig, mission: RangingMission) -> tuple[Sensor, ...]:

@@ -48,7 +48,7 @@ from mathnavi.estimators.ranging.kalman_kernels import (
 )
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.kernels import WallShape, cast_ray, curve_tangent
+from mathnavi.models.field.kernels import WallShape, cast_ray, curve_tangent, is_inside
 from mathnavi.models.unicycle.kernels import mounted, wrapped
 
 NODES = np.array([0.0, -1.355626179974266, 1.355626179974266, -2.856970013872806, 2.856970013872806])
@@ -193,7 +193,7 @@ def condition_among_walls(
             x[2] = wrapped(x[2])
         at[:], Q[:] = x, P
     innovations.misfits[0] = misfits(x, P, z, wall, sensors, innovations.fits[0])
-    _doubt(x, P, before, prior, mismatched(innovations.misfits[0], read, sensors.outliers))
+    doubt(x, P, before, prior, mismatched(innovations.misfits[0], read, sensors.outliers), wall)
     return likelihood, nis, read
 
 
@@ -209,18 +209,28 @@ def mismatched(misfits: int, read: int, outliers: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _doubt(x: Array, P: Array, before: Array, prior: Array, probability: float) -> None:
-    """Mix x (4,) and P (4, 4), in place, with those ``before`` the update, of this ``probability``."""
+def doubt(x: Array, P: Array, before: Array, prior: Array, probability: float, wall: WallShape) -> None:
+    """Mix x (4,) and P (4, 4), in place, with those ``before`` the update, of this ``probability``.
+
+    Where the mean of two places within the wall is not within it, the place is the more probable one of them.
+    """
     if probability == 0.0:
         return
     d = np.empty(4)
     for j in range(4):
         d[j] = before[j] - x[j]
     d[2] = wrapped(d[2])
+    share = probability
+    if not is_inside(wall[0], wall[1], x[0] + share * d[0], x[1] + share * d[1]):
+        share = 1.0 if probability > 0.5 else 0.0
+    mean = np.empty(4)
     for j in range(4):
-        x[j] += probability * d[j]
+        mean[j] = (share if j < 2 else probability) * d[j]
+    for j in range(4):
+        x[j] += mean[j]
         for i in range(4):
-            P[j, i] += probability * (prior[j, i] - P[j, i] + (1.0 - probability) * d[j] * d[i])
+            off = (1.0 - probability) * mean[j] * mean[i] + probability * (d[j] - mean[j]) * (d[i] - mean[i])
+            P[j, i] += probability * (prior[j, i] - P[j, i]) + off
     x[2] = wrapped(x[2])
 
 

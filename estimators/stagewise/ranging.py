@@ -31,11 +31,6 @@ class RangingModel:
 
     size = STATES
 
-    @property
-    def ranging(self) -> RangingModel:
-        """Itself, to those who ask any model."""
-        return self
-
     def __init__(self, mission: RangingMission) -> None:
         self._model, self._bias = RangeModel(mission), mission.odometry.bias
         self._reader = RangeReader(mission, math.inf)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.flight_beacons import FAULTY, Flown, by_beacons, flown, summed
+from benchmarks.flight_beacons import FAULTY, BeaconFlight, by_beacons, flown, summed
 
 
 def test_a_flight_with_a_beacon_that_is_off_arrives_and_leaves_it_out() -> None:
@@ -14,5 +14,5 @@ def test_a_flight_with_a_beacon_that_is_off_arrives_and_leaves_it_out() -> None:
 
 
 def test_a_row_is_over_all_flights() -> None:
-    flights = [Flown(True, 1.0, 2.0, 1.0, 0.0, ()), Flown(False, 3.0, 4.0, 0.5, 0.1, (1, 2))]
+    flights = [BeaconFlight(True, 1.0, 2.0, 1.0, 0.0, ()), BeaconFlight(False, 3.0, 4.0, 0.5, 0.1, (1, 2))]
     assert summed(flights) == ["1 of 2", "1.41 m", "3.00", "75.0 %", "5.00 %", "none; 1, 2"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.kalman_kernels import Innovations, RaySensors, condition, no_innovations
-from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, mismatched
+from mathnavi.estimators.ranging.wall_choice_kernels import condition_among_walls, doubt, mismatched
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.polygon import Polygon
 from mathnavi.models.unicycle.kernels import rays_at
@@ -115,3 +115,15 @@ def test_where_most_rays_are_outliers_an_update_is_not_doubted_for_that() -> Non
     assert mismatched(4, 8, 0.5) == pytest.approx(mismatched(1, 8, 0.5)) == pytest.approx(0.02)
     assert mismatched(4, 8, 0.15) > 0.2
     assert mismatched(0, 0, 0.1) == mismatched(0, 8, 0.1) == 0.0
+
+
+@pytest.mark.parametrize("probability", [0.3, 0.7])
+def test_the_mixture_of_two_places_is_within_the_walls_and_its_covariance_is_about_it(probability: float) -> None:
+    """About a corner, between the legs of an L."""
+    x, P, before, prior = np.array([13.0, 4.5, 0.2, 0.0]), 0.01 * np.eye(4), np.array([7.5, 0.5, 0.0, 0.0]), np.eye(4)
+    places = (x[:2].copy(), 1.0 - probability), (before[:2].copy(), probability)
+    assert not CORNER.contains(sum(share * place for place, share in places))
+    doubt(x, P, before, prior, probability, CORNER.wall)
+    assert CORNER.contains(x[:2])
+    spread = sum(share * np.outer(place - x[:2], place - x[:2]) for place, share in places)
+    np.testing.assert_allclose(P[:2, :2], spread + ((1.0 - probability) * 0.01 + probability) * np.eye(2))

@@ -265,7 +265,6 @@ class Certificate:
         )
 
 
-@lru_cache(maxsize=8)
 def _by_beacons(mission: FlightMission) -> str:
     """Addition to a message about noise in a mission with beacons, whose places decide on it."""
     if mission.beacons is None:
@@ -276,6 +275,7 @@ def _by_beacons(mission: FlightMission) -> str:
     )
 
 
+@lru_cache(maxsize=8)
 def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightField:
     """``terrain.inflated(across, rise)``, both [m]: one object for all that ask, for instance a mission's certificates
     and cost-to-go.

@@ -18,6 +18,9 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.linear_noise import discretised
 
+OF_BEACONS = ("fixes", "position_std_max")
+"""fields of ``KalmanConfig`` that mean nothing without beacons"""
+
 
 @configuration
 class KalmanConfig:
@@ -34,7 +37,7 @@ class KalmanConfig:
     gust_floor: Positive = 0.05
     """least rms of the gusts that the filter assumes [m/s^2]; without gusts its gain would fall to zero"""
     fixes: bool = False
-    """whether position fixes are read in addition to ranges to beacons; without beacons they always are"""
+    """whether position fixes are read in addition to beacons; only with beacons, without them fixes always are read"""
     position_std_max: Positive = 20.0
     """standard deviation of a position by beacons, in any direction, up to which it is OK, and declared at most [m]"""
 

@@ -26,14 +26,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, as_stated
+from mathnavi.estimators.flight_model import OF_BEACONS, AxisModel, KalmanConfig, as_stated
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
+from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -71,6 +73,7 @@ class Kalman:
     def build(config: KalmanConfig, mission: FlightMission) -> Estimator:
         """Build the estimator of one run: by ranges where the mission has beacons, else by fixes."""
         if mission.beacons is None:
+            _check_without_beacons(config)
             return Kalman(config, mission)
         from mathnavi.estimators.beacons.flight import guarded  # takes a while to import
 
@@ -82,8 +85,8 @@ class Kalman:
         fixes = PositionSensor(mission.position_noise, mission.position_rate)
         if mission.beacons is None:
             return (fixes,)
-        ranges = mission.beacons.sensor(mission.terrain)
-        return (ranges, fixes) if config.fixes else (ranges,)
+        readings = mission.beacons.sensors(mission.terrain)
+        return (*readings, fixes) if config.fixes else readings
 
     @staticmethod
     def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
@@ -101,6 +104,8 @@ class Kalman:
             by_ranges = quality(config, mission)
             if not config.fixes:
                 return by_ranges
+        else:
+            _check_without_beacons(config)
         model = AxisModel.from_config(config, mission)
         interval = longest_gap(1.0 / mission.position_rate, mission.dropout_rate, config.timeout)
         F, _, Q = model.discretised(interval)
@@ -190,6 +195,15 @@ class Kalman:
         explained = self._model.gust_rms**2 - float(self._P[2, 2])
         if explained > 0.0:
             self._monitor.note_state(fix.t, float(self._x[2] @ self._x[2]) / explained, "a gust")
+
+
+def _check_without_beacons(config: KalmanConfig) -> None:
+    """Raise FieldError for a field that says how beacons are read."""
+    for each in fields(config):
+        if each.name in OF_BEACONS and (value := getattr(config, each.name)) != each.default:
+            raise FieldError(
+                f"estimator.{each.name} = {value!r} without beacons; allowed: {each.default!r}, or beacons"
+            )
 
 
 def first_covariance(config: KalmanConfig, mission: FlightMission) -> Array:

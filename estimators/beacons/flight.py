@@ -1,50 +1,67 @@
-"""The Kalman filter of a flight that reads ranges to beacons, instead of position fixes or in addition.
+"""The Kalman filter of a flight that reads beacons, instead of position fixes or in addition.
 
 The state x = (p, v, g) (9,) is position, velocity and gust, with the model of each axis of ``kalman``, which is exact
-over any time. Ranges are used one after the other, each by the second-order extended Kalman filter, which is exact for
-h up to its second derivatives. With H = (u', 0, 0), A = (d2h/dp2) P_pp, and the noise R,
+over any time. Readings of an instant are used one after the other, each by the second-order extended Kalman filter,
+which is exact for h up to its second derivatives. With H = (dh/dp, 0, 0), A = (d2h/dp2) P_pp, and the noise R,
 
     nu = y - h(p) - tr(A) / 2,    S = H P H' + R + tr(A A) / 2,    K = P H' / S,
     x <- x + K nu,                P <- P - K S K',
 
-so that near a beacon a range says less of the place than a straight line would have it.
+so that near a beacon a range says less of the place than a straight line would have it, and an azimuth nothing below
+or above one. Range differences share the noise of one arrival, which is a number of the state for that long (``Side``).
 
-Where the position is so uncertain that no derivative at it means anything, ranges are used only if they tell a place by
-themselves (``flight_geometry.located``), which is a fix.
+Where the position is so uncertain that no derivative at it means anything, readings are used only if those of an
+instant tell a place by themselves (``flight_geometry.located``), which is a fix.
 
-**Mirror images.** The ranges to beacons in one plane, or nearly, fit the mirror image too. The start is known, and so
-the side, until the position may be on the other: by its Gaussian, with the probability of a tail, or where that covers
-both, as likely as not. From when on both are apart, two filters are run, one on either side, until one is 1e5 times as
-likely by four beacons or more: the input is known, and the motion that it causes on the other side is the mirrored one
-only without any.
+**Mirror images.** The ranges to beacons in one plane, or nearly, and their differences, fit the mirror image too; a
+bearing does not. The start is known, and so the side, until the position may be on the other: by its Gaussian, with the
+probability of a tail, or where that covers both, as likely as not. From when on both are apart, two filters are run,
+one on either side, until one is 1e5 times as likely by four numbers or more: the input is known, and the motion that it
+causes on the other side is the mirrored one only without any.
 
-**What is said OK**: ranges come, those to beacons at fault are left out (``flight_witness``), the standard deviation of
-the position is at most ``position_std_max`` in every direction, and no image is left that is farther away than that;
-the covariance covers both. With fewer than four beacons, or four in a plane, or on a line, a direction is not observed
-or seldom, and its variance grows as that of dead reckoning does: the estimate is OK for as long as that is within the
-bound. Once it was not, beacons on a line do not make it OK again: derivatives at a wrong place seem to tell the angle
-about the line. With three beacons nothing reveals a fault of one of them that grows slower than gusts would explain.
+**What is said OK**: readings come, those of beacons at fault are left out (``flight_witness``), the standard deviation
+of the position is at most ``position_std_max`` in every direction, and no image is left that is farther away than that;
+the covariance covers both. With fewer than three numbers, four ranges in a plane, or ranges on a line, a direction is
+not observed or seldom, and its variance grows as that of dead reckoning does: the estimate is OK for as long as that is
+within the bound. Once it was not, ranges to beacons on a line do not make it OK again: derivatives at a wrong place
+seem to tell the angle about the line. With three numbers nothing reveals a fault of one of them that grows slower than
+gusts would explain.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri, log_ndtr
 
-from mathnavi.estimators.beacons.flight_geometry import EXCLUDED, image_separation, located, mirrored, plane_of
+from mathnavi.estimators.beacons.flight_geometry import (
+    EXCLUDED,
+    beacons_of_rows,
+    image_separation,
+    located,
+    plane_of,
+)
 from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, start_covariance, thrice
-from mathnavi.estimators.beacons.flight_witness import FIXES, RangeWitness
+from mathnavi.estimators.beacons.flight_side import Side
+from mathnavi.estimators.beacons.flight_witness import FIXES, UNREFERENCED, UNTRUSTED, BeaconWitness
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
-from mathnavi.models.aerial.beacons import RANGES, curvature_effects, slant_ranges
+from mathnavi.models.aerial.beacon_readings import (
+    AZIMUTH,
+    DIFFERENCE,
+    LEAST_ANGLE,
+    RANGE,
+    BeaconRows,
+)
+from mathnavi.models.aerial.beacons import slant_ranges
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.beacon_names import DIFFERENCES
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _I9, _I3 = np.eye(9), np.eye(3)
@@ -53,56 +70,19 @@ _LASTING = 10  # readings of which most are refused, in a row
 _LINEAR = 0.1  # of the nearest range: largest deviation of a position at which a derivative means something
 _SURE = math.log(1e5)  # how much likelier one of two sides is, to be the only one
 _EVIDENCE = 0.25  # of it that the motion may tell in an instant: what a fault does passes
-_NO_SPARE = 3  # beacons, of which each is needed: then a fault of one is no less likely than the other side
-_COST = 2e-4  # [s] of an update
+_NO_SPARE = 3  # numbers, of which each is needed: then a fault of one is no less likely than the other side
+_RANGES_ENOUGH, _DIFFERENCES_ENOUGH = 3, 4  # that tell a place but for its mirror image
+_COST, _NUMBERS = 2e-4, 6  # [s] of an update, and numbers of an instant up to which that is so
 
 
-@dataclass
-class Side:
-    """A filter on one side of the plane of the beacons."""
-
-    x: Array  # (9,) p [m], v [m/s], g [m/s^2]
-    P: Array  # (9, 9)
-    gained: float = 0.0  # logarithm of the likelihood of the readings of an instant
-
-    def predict(self, F: Array, B: Array, Q: Array) -> None:
-        """Predict by F (9, 9), the effect B (9,) of the input and the noise Q (9, 9)."""
-        self.x = F @ self.x + B
-        self.P = F @ self.P @ F.T + Q
-
-    def expected(self, place: Array, R: float) -> tuple[float, Array, float]:
-        """Expected range [m] to a place (3,), its derivative u (3,), and the variance [m^2] of a reading of it but for
-        what P_pp says of u.
-        """
-        d = self.x[:3] - place
-        h = max(math.sqrt(float(d @ d)), 1e-6)
-        u = d / h
-        mean, variance = curvature_effects(self.P[:3, :3], u, h)
-        return h + mean, u, R + variance
-
-    def condition(self, H: Array, nu: float, R: float) -> None:
-        """Condition on an innovation nu with H (3,) of the position and noise of variance R."""
-        PH = self.P[:, :3] @ H
-        S = float(H @ PH[:3]) + R
-        self.x = self.x + PH * (nu / S)
-        self.P = self.P - PH[:, None] * (PH / S)
-
-    def image(self, centre: Array, normal: Array) -> Side:
-        """Mirror image in a plane."""
-        M: Array = np.asarray(np.kron(_I3, _I3 - 2.0 * np.outer(normal, normal)), np.float64)
-        x = M @ self.x
-        x[:3] = mirrored(self.x[:3], centre, normal)
-        return Side(x, M @ self.P @ M.T)
-
-
-class FlightRangeFilter:
-    """Estimator of position, velocity and gust from ranges to beacons, and from fixes if ``fixes`` is set."""
+class FlightBeaconFilter:
+    """Estimator of position, velocity and gust from readings of beacons, and from fixes if ``fixes`` is set."""
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         beacons = beacons_of(mission)
         self.period = mission.control_period
-        self._places, self._fixes = beacons.array, config.fixes
-        self._R, self._model = max(beacons.noise, config.noise_floor) ** 2, axis_model(config, mission)
+        self._rows, self._fixes = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE), config.fixes
+        self._model = axis_model(config, mission)
         self._fix_variance = max(mission.position_noise, config.noise_floor) ** 2
         self._bound = config.position_std_max**2
         interval = 1.0 / max(beacons.rate, mission.position_rate if config.fixes else 0.0)
@@ -111,35 +91,62 @@ class FlightRangeFilter:
         self._now = Side(np.array([*mission.start, *np.zeros(6)]), thrice(start_covariance(config, mission)))
         self._other: Side | None = None  # on the other side of the plane of the beacons
         self._separation = 0.0  # D of it
-        self._instants = max(1.0, beacons.rate * config.timeout)  # at which ranges are read while it is not lost
+        self._instants = max(1.0, beacons.rate * config.timeout)  # at which they are read while it is not lost
         self._likelier = 0.0  # logarithm of how much less likely that is
         self._covers_both = False  # whether the position is on either side as far as its covariance says
         self._wide = False  # whether it was too uncertain since beacons in a plane, or a fix, told the position
         self._t: float | None = None  # [s] of the state
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
-        self._heard = np.full(len(self._places), -math.inf)  # [s] of the last range used
+        self._heard = np.full(self._rows.size, -math.inf)  # [s] of the last number used of each row
         self._refused = 0  # readings in a row of which most numbers were refused
-        self._nu = np.full((2, len(self._places)), np.nan)  # innovations of the last ranges, and their deviations
+        self._nu = np.full((2, self._rows.size), np.nan)  # innovations of the last readings, and their deviations
+        self._pending: dict[str, Array] = {}  # readings of beacons of the time of the state, not used yet
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (6,) [m, m/s] at t [s]; ``command`` (3,) [m/s^2] was held since the last call.
 
-        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra["innovations"]`` (n,) [m] those of the ranges
-        since the last call, NaN where there was none, with the standard deviations ``extra["innovation_std"]`` (n,).
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra["innovations"]`` (m,) are those of the numbers
+        read since the last call, in the order of ``BeaconRows`` [m, rad], NaN where there was none, with the standard
+        deviations ``extra["innovation_std"]`` (m,).
         """
         self._nu[:] = np.nan
         for reading in measurements:
-            if reading.name != RANGES and not (self._fixes and reading.name == FIXES):
+            name = DIFFERENCES if reading.name == UNREFERENCED else reading.name
+            own = self._rows.slices.get(name)
+            if own is None and not (self._fixes and name == FIXES):
                 self._counts.add(Unused.UNKNOWN_SENSOR)
             elif is_late(reading.t, self._t):
                 self._counts.add(Unused.LATE)
-            elif reading.value.shape != ((len(self._places),) if reading.name == RANGES else (3,)):
+            elif reading.value.shape != (3 if own is None else own.stop - own.start,):
                 self._counts.add(Unused.MALFORMED)
             else:
+                if own is None or name in self._pending or not self._is_now(reading.t):
+                    self._use_pending()
                 self._predict(reading.t, command)
-                self._take(reading.t, reading.value, ranges=reading.name == RANGES)
+                if own is None:
+                    self._take(reading.t, reading.value, beacons=False)
+                else:
+                    self._pending[reading.name] = reading.value
+        self._use_pending()
         self._predict(t, command)
         return self._estimate(t)
+
+    def _is_now(self, t: float) -> bool:
+        """True for the time [s] of the state."""
+        return self._t is not None and abs(t - self._t) <= TIME_TOLERANCE
+
+    def _use_pending(self) -> None:
+        """Use all readings of the beacons of one instant together."""
+        if not self._pending:
+            return
+        y = np.full(self._rows.size, np.nan)
+        for name, value in self._pending.items():
+            own = DIFFERENCES if name == UNREFERENCED else name
+            y[self._rows.slices[own]] = np.where(self._rows.possible(own, value), value, -math.inf)
+        referenced = UNREFERENCED not in self._pending
+        self._pending = {}
+        assert self._t is not None
+        self._take(self._t, y, beacons=True, common=self._rows.common if referenced else UNTRUSTED)
 
     def _predict(self, t: float, command: Array) -> None:
         if self._t is None:
@@ -159,22 +166,23 @@ class FlightRangeFilter:
     def _sides(self) -> tuple[Side, ...]:
         return (self._now,) if self._other is None else (self._now, self._other)
 
-    def _take(self, t: float, value: Array, *, ranges: bool) -> None:
-        """Condition on the ranges (n,) or the fix (3,) of t [s]."""
-        infinite, impossible = np.isinf(value), (value < 0.0) & ranges & np.isfinite(value)
-        for reason, numbers in ((Unused.NOT_FINITE, infinite), (Unused.OUT_OF_RANGE, impossible)):
+    def _take(self, t: float, value: Array, *, beacons: bool, common: float = 0.0) -> None:
+        """Condition on the numbers (m,) of beacons, or the fix (3,), of t [s]; ``common`` [m^2] is the variance of the
+        arrival from beacon 0.
+        """
+        infinite, impossible = np.isinf(value), (value == -math.inf) & beacons
+        for reason, numbers in ((Unused.NOT_FINITE, infinite & ~impossible), (Unused.OUT_OF_RANGE, impossible)):
             if numbers.any():
                 self._counts.add(reason, int(numbers.sum()))
-        good = np.flatnonzero(np.isfinite(value) & ~impossible)
+        good = np.flatnonzero(np.isfinite(value))
         if not len(good):
             return
-        if ranges and self._is_lost():
-            self._find(t, value, good)
+        if beacons and self._is_lost():
+            self._find(t, value, good[(self._rows.kinds[good] != DIFFERENCE) | (common < UNTRUSTED)])
             return
-        squares = [self._use(self._now, i, value[i], ranges) for i in good.tolist()]
+        squares = self._use_all(self._now, value, good, common if beacons else None)
         if self._other is not None:
-            for i in good.tolist():
-                self._use(self._other, i, value[i], ranges, counted=False)
+            self._use_all(self._other, value, good, common if beacons else None, counted=False)
             more, most = self._now.gained - self._other.gained, max(_EVIDENCE, self._separation / 8.0)
             self._likelier += min(max(more, -most), most)
         for side in self._sides():
@@ -189,25 +197,47 @@ class FlightRangeFilter:
             self._refused, self._other = 0, None
         if not refused.all():
             self._timeout.note(t, agrees=fits)
-        if ranges:
+        if beacons:
             self._heard[good[~refused]] = t
             self._choose_side(t)
         elif not refused.any():
             self._wide = self._covers_both = False
 
-    def _use(self, side: Side, i: int, y: float, ranges: bool, *, counted: bool = True) -> float:
-        """Use a range to beacon i or number i of a fix; return the normalised square of its innovation."""
-        if ranges:
-            expected, H, R = side.expected(self._places[i], self._R)
+    def _use_all(
+        self, side: Side, value: Array, good: Integers, common: float | None, *, counted: bool = True
+    ) -> list[float]:
+        """Use numbers of beacons, or of a fix if ``common`` is None, one after the other; return their squares."""
+        shares = self._rows.kinds[good] == DIFFERENCE if common is not None else np.zeros(len(good), dtype=bool)
+        alone, shared = good[~shares], good[shares]
+        squares = [self._use(side, k, value[k], common is not None, counted=counted) for k in alone.tolist()]
+        if common is None or not len(shared):
+            return squares
+        before, gained = (side.x, side.P), side.gained
+        for variance in (common, UNTRUSTED):
+            side.share(variance)
+            own = [self._use(side, k, value[k], True, counted=counted) for k in shared.tolist()]
+            side.share(None)
+            if len(own) == 1 or 2 * sum(each > _OUTLIER for each in own) <= len(own) or variance == UNTRUSTED:
+                break
+            (side.x, side.P), side.gained = before, gained  # it is the arrival from beacon 0 that is the outlier
+        return squares + own
+
+    def _use(self, side: Side, k: int, y: float, of_beacon: bool, *, counted: bool) -> float:
+        """Use row k of the beacons, or number k of a fix; return the normalised square of its innovation."""
+        shared = of_beacon and bool(self._rows.kinds[k] == DIFFERENCE)
+        if of_beacon:
+            expected, H, R = side.expected(self._rows, k)
+            nu = self._rows.innovation(k, y, expected)
         else:
-            expected, H, R = float(side.x[i]), _I3[i], self._fix_variance
-        nu, S = y - expected, float(H @ side.P[:3, :3] @ H) + R
+            H, R = _I3[k], self._fix_variance
+            nu = y - float(side.x[k])
+        PH, S = side.spread(H, R, shared=shared)
         square = nu * nu / S
         side.gained -= 0.5 * (min(square, _OUTLIER) + math.log(S))
-        if ranges and counted:
-            self._nu[:, i] = nu, math.sqrt(S)
+        if of_beacon and counted:
+            self._nu[:, k] = nu, math.sqrt(S)
         if square <= _OUTLIER:
-            side.condition(H, nu, R)
+            side.condition(PH, nu, S)
         return square
 
     # ---- what is not known
@@ -218,13 +248,13 @@ class FlightRangeFilter:
         if float(P.trace()) <= self._bound:  # which is no less than the largest eigenvalue
             return False
         largest = float(np.linalg.eigvalsh(P)[-1])
-        h, _ = slant_ranges(self._places, self._now.x[:3])
+        h, _ = slant_ranges(self._rows.places, self._now.x[:3])
         return largest > max(self._bound, (_LINEAR * float(h.min())) ** 2)
 
-    def _find(self, t: float, ranges: Array, good: Integers) -> None:
-        """Begin again from ranges that tell a place by themselves."""
+    def _find(self, t: float, y: Array, good: Integers) -> None:
+        """Begin again from readings of an instant that tell a place by themselves."""
         self._other, self._refused = None, 0
-        found = located(self._places[good], ranges[good], self._R)
+        found = located(self._rows, y, good)
         if found is None:
             return
         p, R = found
@@ -256,24 +286,28 @@ class FlightRangeFilter:
         It may be as far as the Gaussian of the position reaches there, and once that covers both sides alike, both are
         as likely from when on they part again.
         """
-        places = self._places[self._heard >= t - self._timeout.longest]
+        heard = np.flatnonzero(self._heard >= t - self._timeout.longest)
+        kinds, places = self._rows.kinds[heard], self._rows.places[beacons_of_rows(self._rows, heard)]
         if self._other is not None:
             if self._likelier < 0.0:
                 self._now, self._other, self._likelier = self._other, self._now, -self._likelier
             d = self._other.x[:3] - self._now.x[:3]
             met = float(d @ np.linalg.solve(self._now.P[:3, :3], d)) < 1.0  # readings have led both to one place
-            if met or (self._likelier > _SURE and len(places) > _NO_SPARE):
+            if met or (self._likelier > _SURE and len(heard) > _NO_SPARE):
                 self._other = None
         if self._is_wide():  # it may have gone about a line of beacons to the other side of any plane
             self._wide = self._covers_both = True
+        elif (kinds == AZIMUTH).any():  # which has no other place to lead to
+            self._wide = self._covers_both = False
         plane = plane_of(places)
         if plane is None:
             return
-        self._wide = False
+        if (kinds == RANGE).sum() >= _RANGES_ENOUGH or (kinds == DIFFERENCE).sum() >= _DIFFERENCES_ENOUGH:
+            self._wide = False
         centre, normal = plane
         P, p = self._now.P[:3, :3], self._now.x[:3]
         deviations = abs(float(normal @ (p - centre))) / math.sqrt(max(float(normal @ P @ normal), 1e-12))
-        self._separation = image_separation(places, p, self._R)
+        self._separation = image_separation(self._rows, heard, p)
         if deviations < 1.0:
             self._covers_both, self._other = True, None
         elif self._separation * self._instants > EXCLUDED:
@@ -303,11 +337,11 @@ class FlightRangeFilter:
     def _status(self, t: float, P: Array) -> tuple[Status, str]:
         status = self._timeout.status(t, P)
         if status is Status.INITIALISING:
-            return status, waiting(status, "a range")
+            return status, waiting(status, "a reading of a beacon")
         if self._wide:
             return Status.LOST, "has lost its place about a line of beacons, or a single one"
         if self._is_lost():
-            return Status.LOST, "does not know where it is well enough to use single ranges"
+            return Status.LOST, "does not know where it is well enough to use single readings"
         if self._are_apart():
             return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
         if (deviation := math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))) > math.sqrt(self._bound):
@@ -323,11 +357,12 @@ class GuardedFlight(Guarded):
     """
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
-        witness = RangeWitness(beacons_of(mission), mission, config)
-        spare = len(witness.names) - 1
-        super().__init__(FlightRangeFilter(config, mission), witness, most_out=min(2, spare), cost=_COST)
+        witness = BeaconWitness(beacons_of(mission), mission, config)
+        spare, rows = len(witness.names) - 1, BeaconRows(beacons_of(mission))
+        cost = _COST * max(1.0, rows.size / _NUMBERS)
+        super().__init__(FlightBeaconFilter(config, mission), witness, most_out=min(2, spare), cost=cost)
         self._alarm, self._timeout, self._fixed = False, config.timeout, -math.inf
-        self._heard_at = np.full(len(beacons_of(mission).places), -math.inf)  # [s]
+        self._heard_at = np.full(rows.size, -math.inf)  # [s]
         self._fixes = config.fixes
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

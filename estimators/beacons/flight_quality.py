@@ -1,4 +1,4 @@
-"""Quality of a flight by ranges to beacons: what its filter assumes, and what a mission may declare of its estimate."""
+"""Quality of a flight among beacons: what its filter assumes, and what a mission may declare of its estimate."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from scipy.linalg import solve_discrete_are
 from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, as_stated, clipped_rms
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.aerial.beacons import FlightBeacons, least_information
+from mathnavi.models.aerial.beacon_readings import LEAST_ANGLE
+from mathnavi.models.aerial.beacons import FlightBeacons, least_information, slant_ranges
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.sensor_faults import longest_gap
 
@@ -28,8 +29,15 @@ def beacons_of(mission: FlightMission) -> FlightBeacons:
 
 
 def axis_model(config: KalmanConfig, mission: FlightMission) -> AxisModel:
-    """Model of an axis, whose fixes are as exact as a range."""
-    noise = max(beacons_of(mission).noise, config.noise_floor)
+    """Model of an axis, whose fixes are as exact as a range; if only bearings are read, as the place that one tells
+    across its direction, of the beacon that is nearest to the start.
+    """
+    beacons = beacons_of(mission)
+    noise = max(beacons.noise, config.noise_floor)
+    if beacons.read == ("bearings",):
+        nearest = float(slant_ranges(beacons.array, np.array(mission.start))[0].min())
+        farthest = nearest if math.isfinite(nearest) else beacons.longest
+        noise = max(max(beacons.bearing_noise, LEAST_ANGLE) * farthest, config.noise_floor)
     return AxisModel(max(clipped_rms(mission.gust), config.gust_floor), mission.gust.time_constant, noise)
 
 
@@ -41,11 +49,11 @@ def start_covariance(config: KalmanConfig, mission: FlightMission) -> Array:
 
 
 def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
-    """Quality among the beacons: that of a filter with fixes that tell as much as the ranges do at a bad place.
+    """Quality among the beacons: that of a filter with fixes that tell as much as their readings do at a bad place.
 
-    Ranges of variance R are worth fixes of variance R / lambda, lambda the least eigenvalue of sum u u'; it is the one
+    Readings are worth fixes of variance 1 / lambda, lambda the least eigenvalue of their information; it is the one
     that a twentieth of all places are below. There a vehicle does not stay, and if it does the covariance of the
-    estimate says so, and the guarantee of the flight ends. Where ranges are worth less than ``position_std_max``
+    estimate says so, and the guarantee of the flight ends. Where they are worth less than ``position_std_max``
     promises, or nothing, the estimate is not OK, so that is what is declared.
     """
     beacons, model = beacons_of(mission), axis_model(config, mission)
@@ -54,8 +62,8 @@ def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
     )
     least = float(np.quantile(least_information(beacons, mission.terrain, airspace(mission)), _WORST))
     declared = config.position_std_max**2
-    std = model.fix_std / math.sqrt(least) if least > 0.0 else math.inf
-    low, high = model.fix_std, model.fix_std
+    std = 1.0 / math.sqrt(least) if least > 0.0 else math.inf
+    low = high = min(model.fix_std, std)
     while std > high and _stationary(replace(model, fix_std=high), interval)[0][0, 0] < declared:
         low, high = high, 2.0 * high
     if std > high:

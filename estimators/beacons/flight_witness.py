@@ -1,8 +1,10 @@
-"""Witness of a flight by ranges to beacons: tests of what its filter publishes, against the readings.
+"""Witness of a flight among beacons: tests of what its filter publishes, against the readings.
 
-The channels are the beacons, and where fixes are read, the three numbers of a fix. Readings are predicted from the
-published estimate before them, by the input and the published gust, so that those of a channel that is left out are
-tested too.
+The channels are the beacons, and where fixes are read, the three numbers of a fix. Each number that is read is tested
+by itself, and the worst of a beacon is that of its channel: a beacon is left out with all that is read of it. Without
+beacon 0 the differences go on without their reference: the noise of the arrival from it is anything. Readings are
+predicted from the published estimate before them, by the input and the published gust, so that those of a channel that
+is left out are tested too.
 """
 
 from __future__ import annotations
@@ -13,14 +15,18 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, QUIET, Flags, Thresholds, Windows, Worst
 from mathnavi.estimators.integrity.witness import is_plausible
-from mathnavi.interfaces.signals import Array, Estimate, Measurement
-from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, curvature_effects, slant_ranges
+from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement
+from mathnavi.models.aerial.beacon_readings import AZIMUTH, DIFFERENCE, LEAST_ANGLE, BeaconRows, curvature_effects
+from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.angles import wrapped
+from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES
 
 _WINDOWS = (0.5, 2.0, 5.0)  # [s]
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
@@ -29,26 +35,33 @@ FIXES = "position"
 """name of the sensor of fixes"""
 
 
-class RangeWitness:
-    """Tests of (x, P) (6,) against the ranges and the fixes of a flight."""
+UNREFERENCED = "beacon_differences without beacon 0"
+"""name of a reading of differences whose arrival from beacon 0 is not to be trusted; only a witness gives it"""
+UNTRUSTED = 1e10  # [m^2] variance of that arrival
+
+
+class BeaconWitness:
+    """Tests of (x, P) (6,) against the readings of beacons and the fixes of a flight."""
 
     rebuilt: frozenset[int] = frozenset()
     suspicious = doubtful = False  # the estimator puts nothing down to anything else
 
     def __init__(self, beacons: FlightBeacons, mission: FlightMission, config: KalmanConfig) -> None:
         n = len(beacons.places)
-        self._places = beacons.array
+        self._rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
         axes = tuple(f"fix {axis}" for axis in "xyz") if config.fixes else ()
         self.names, self.strict = (*beacons.names(), *axes), False
-        self._R = np.array([max(beacons.noise, config.noise_floor) ** 2] * n)
-        self._R = np.append(self._R, [max(mission.position_noise, config.noise_floor) ** 2] * len(axes))
+        self._size = size = rows.size + len(axes)
+        self._channel = np.append(rows.beacons, n + np.arange(len(axes)))  # (size,) of each number
+        fixed = np.eye(len(axes)) * max(mission.position_noise, config.noise_floor) ** 2
+        self._R = block_diag(rows.covariance(np.arange(rows.size)), fixed)
         self._gust = mission.gust.rms**2
         m = beacons.outliers
-        thresholds = Thresholds.of(len(self.names), mission.control_period, _WINDOWS)
-        self.windows = Windows(thresholds, len(self.names), 1.0 - m + m * CLIP**2)
-        self._nothing = np.full(len(self.names), np.nan)
+        thresholds = Thresholds.of(size, mission.control_period, _WINDOWS)
+        self.windows = Windows(thresholds, size, 1.0 - m + m * CLIP**2)
+        self._nothing = np.full(size, np.nan)
         self._last, self._first, self._moved = (self._nothing.copy() for _ in range(3))
-        self._repeats, self._most = np.zeros(len(self.names), dtype=np.int64), 0
+        self._repeats, self._most = np.zeros(size, dtype=np.int64), 0
         self._worst = QUIET
         self._level = np.full(1, np.nan)
 
@@ -65,47 +78,80 @@ class RangeWitness:
             self.windows.add(self._nothing, self._nothing)
             return self._worst
         assert before is not None
+        relied = used[self._channel]
         expected, S = self._predicted(before, t, command)
         nu = y - expected
-        e = nu / np.sqrt(S.diagonal())
+        turned = np.flatnonzero(self._rows.kinds == AZIMUTH)
+        nu[turned] = wrapped(nu[turned])
+        e = np.where(read, nu / np.sqrt(S.diagonal()), np.nan)
+        shared = np.flatnonzero(self._rows.kinds == DIFFERENCE)
+        if len(shared):
+            kept = shared[(read & relied)[shared]]
+            S = self._test_arrival(e, nu, S, shared, kept, trusted=bool(used[0]))
         white = self._nothing.copy()
-        rows = np.flatnonzero(read & used)
+        rows = np.flatnonzero(read & relied)
         if len(rows):
             white[rows] = np.linalg.solve(np.linalg.cholesky(S[np.ix_(rows, rows)]), nu[rows])
-        self.windows.add(np.where(read, e, np.nan), white)
+        self.windows.add(e, white)
         self._note_repeats(y, expected, read)
-        self._worst = self.windows.worst(used)
+        self._worst = self._of_channels(self.windows.worst(relied))
         return self._worst
 
+    def _test_arrival(self, e: Array, nu: Array, S: Array, shared: Integers, kept: Integers, *, trusted: bool) -> Array:
+        """Test the arrival from beacon 0, which the rows ``shared`` have in common, by the mean of those that are
+        ``kept``: its normalised innovation takes the place in ``e`` of the difference of beacon 0 to itself.
+
+        Where it is not ``trusted``, the others are tested by what they differ from that mean. Returns the covariance
+        of all innovations.
+        """
+        if not len(kept):
+            if not trusted:
+                e[shared] = np.nan
+            return S
+        within = S[np.ix_(kept, kept)]
+        weights = np.linalg.inv(within).sum(axis=0)
+        weights /= weights.sum()
+        arrival, variance = float(weights @ nu[kept]), float(weights @ within @ weights)
+        e[shared[0]] = arrival / math.sqrt(variance)
+        if trusted:
+            return S
+        spread = S.diagonal()[shared] - 2.0 * S[np.ix_(shared, kept)] @ weights + variance
+        least = self._rows.variance[shared] / len(kept)  # rounding
+        e[shared[1:]] = ((nu[shared] - arrival) / np.sqrt(np.maximum(spread, least)))[1:]
+        S = S.copy()
+        S[np.ix_(shared, shared)] += UNTRUSTED
+        return S
+
+    def _of_channels(self, worst: Worst) -> Worst:
+        """The worst test by its channel in place of its number."""
+        return worst if worst.channel < 0 else worst._replace(channel=int(self._channel[worst.channel]))
+
     def _predicted(self, before: Estimate, t: float, command: Array) -> tuple[Array, Array]:
-        """Expected readings (l,) at t [s] and their covariance (l, l)."""
+        """Expected numbers (size,) at t [s] and their covariance (size, size)."""
         P = before.covariance
         assert P is not None
-        h, n = t - before.t, len(self._places)
+        h, m = t - before.t, self._rows.size
         p = before.x[:3] + h * before.x[3:] + 0.5 * h * h * (command + before.extra["gust"])
         C = P[:3, :3] + h * (P[:3, 3:] + P[3:, :3]) + h * h * P[3:, 3:] + 0.25 * h**4 * self._gust * np.eye(3)
-        ranges, H = slant_ranges(self._places, p)
-        means, R = np.empty(n), self._R.copy()
-        for i, u in enumerate(H):
-            means[i], variance = curvature_effects(C, u, max(ranges[i], 1e-6))
-            R[i] += variance
-        expected = ranges + means
-        if len(self.names) > n:
-            expected, H = np.append(expected, p), np.vstack([H, np.eye(3)])
-        return expected, H @ C @ H.T + np.diag(R)
+        expected, H, R = np.empty(self._size), np.empty((self._size, 3)), self._R.copy()
+        for k in range(m):
+            number, H[k], D = self._rows.at(k, p)
+            mean, variance = curvature_effects(C, D)
+            expected[k] = number + mean
+            R[k, k] += variance
+        expected[m:], H[m:] = p[: self._size - m], np.eye(3)[: self._size - m]
+        return expected, H @ C @ H.T + R
 
     def _newest(self, measurements: Sequence[Measurement]) -> tuple[Array, float]:
-        """Newest readings (l,), NaN for none, and their time [s]: of the newest instant alone."""
-        mine = [each for each in measurements if each.name in (RANGES, FIXES)]
-        n, y = len(self._places), self._nothing.copy()
+        """Newest readings (size,), NaN for none, and their time [s]: of the newest instant alone."""
+        places = {**self._rows.slices, FIXES: slice(self._rows.size, self._size)}
+        mine = [each for each in measurements if each.name in places]
+        y = self._nothing.copy()
         t = max((each.t for each in mine), default=0.0)
         for each in mine:
-            if each.t < t:
-                continue
-            if each.name == RANGES and each.value.shape == (n,):
-                y[:n] = np.where(np.isfinite(each.value), each.value, np.nan)
-            elif each.name == FIXES and len(y) > n and each.value.shape == (3,):
-                y[n:] = np.where(np.isfinite(each.value), each.value, np.nan)
+            own = places[each.name]
+            if each.t >= t and each.value.shape == (own.stop - own.start,):
+                y[own] = np.where(np.isfinite(each.value), each.value, np.nan)
         return y, t
 
     def _note_repeats(self, y: Array, expected: Array, read: Flags) -> None:
@@ -124,22 +170,41 @@ class RangeWitness:
     def stuck(self) -> list[int]:
         if self._most < _REPEATS:
             return []
-        moved = np.abs(self._moved - self._first) > _MOVED * np.sqrt(self._R)
-        return np.flatnonzero((self._repeats >= _REPEATS) & moved).tolist()
+        moved = np.abs(self._moved - self._first) > _MOVED * np.sqrt(self._R.diagonal())
+        stays = (self._repeats >= _REPEATS) & moved
+        return np.unique(self._channel[stays]).tolist()
+
+    def _numbers(self, channel: int) -> list[int]:
+        """Numbers of a channel."""
+        return np.flatnonzero(self._channel == channel).tolist()
 
     def against(self, channel: int) -> float:
-        return self.windows.of_channel(channel)
+        return max(self.windows.of_channel(k) for k in self._numbers(channel))
 
     def is_quiet(self, channel: int, updates: int) -> bool:
-        return self.windows.is_quiet(channel, updates)
+        return all(self.windows.is_quiet(k, updates) for k in self._numbers(channel))
 
     def forget(self, channel: int) -> None:
-        self.windows.forget(channel)
+        for k in self._numbers(channel):
+            self.windows.forget(k)
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
-        n = len(self._places)
-        rows = {RANGES: [i for i in out if i < n], FIXES: [i - n for i in out if i >= n]}
-        return tuple(_without(each, rows[each.name]) if rows.get(each.name) else each for each in measurements)
+        n = len(self._rows.places)
+        beacons, fixed = [i for i in out if i < n], [i - n for i in out if i >= n]
+        return tuple(self._without(each, beacons, fixed) for each in measurements)
+
+    def _without(self, reading: Measurement, beacons: list[int], fixed: list[int]) -> Measurement:
+        n = len(self._rows.places)
+        numbers = fixed if reading.name == FIXES else beacons
+        if reading.name == BEARINGS:
+            numbers = [*beacons, *(n + i for i in beacons)]
+        if not numbers or reading.name not in (FIXES, *self._rows.slices):
+            return reading
+        value = np.array(reading.value, np.float64)
+        if value.shape[0] > max(numbers):
+            value[numbers] = np.nan
+        name = UNREFERENCED if reading.name == DIFFERENCES and 0 in beacons else reading.name
+        return dataclasses.replace(reading, name=name, value=value)
 
     def agree(self, one: Estimate, other: Estimate) -> bool:
         assert one.covariance is not None
@@ -151,14 +216,7 @@ class RangeWitness:
         self.windows.clear()
         self._worst = QUIET
 
-    def copy(self) -> RangeWitness:
+    def copy(self) -> BeaconWitness:
         made = copy.copy(self)
         made.windows = self.windows.copy()
         return made
-
-
-def _without(reading: Measurement, rows: list[int]) -> Measurement:
-    value = np.array(reading.value, np.float64)
-    if value.shape[0] > max(rows):
-        value[rows] = np.nan
-    return dataclasses.replace(reading, value=value)

@@ -24,8 +24,9 @@ from mathnavi.interfaces.errors import ArgumentError, MissionError
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import NOTHING, Array, Measurement
 from mathnavi.models.angles import wrapped
+from mathnavi.models.beacon_names import RANGES, SENSORS
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.models.unicycle.beacons import BEARINGS, DIFFERENCES, LEAST_NOISE, RANGES, BeaconMission
+from mathnavi.models.unicycle.beacons import LEAST_NOISE, BeaconMission
 
 ODOMETRY = "odometry"
 _LEAST_DENSITY = 1e-9  # [m^2/s, rad^2/s] of the noise of odometry
@@ -59,7 +60,7 @@ class BeaconModel:
             )
         self.size = STATES + 2 * len(mission.unknown)
         self._kinds = [kind for kind, quality in enumerate(mission.qualities) if quality is not None]
-        self.names = tuple((RANGES, BEARINGS, DIFFERENCES)[kind] for kind in self._kinds)
+        self.names = tuple(tuple(SENSORS.values())[kind] for kind in self._kinds)
         """names of the sensors of beacons"""
         self.rows = self._n * len(self._kinds)
         self.entries = [(kind, i) for kind in self._kinds for i in range(self._n)]

@@ -1,7 +1,7 @@
 """The point mass under gusts as a ``StagewiseModel``: the state (p, v, g) on three axes, fixes of the position.
 
-The model of ``mathnavi.estimators.kalman``: linear, and discretised exactly; among beacons with their ranges instead of
-fixes, or beside them.
+The model of ``mathnavi.estimators.kalman``: linear, and discretised exactly; among beacons with what is read of them
+instead of fixes, or beside them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from mathnavi.estimators.kalman import first_covariance
 from mathnavi.estimators.stagewise.model import Piece, refused
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
-from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges
+from mathnavi.models.aerial.beacon_readings import LEAST_ANGLE, BeaconRows
+from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.mission import FlightMission
 
 _EYE = np.eye(3)
@@ -36,7 +37,7 @@ class FlightModel:
     def from_config(config: KalmanConfig, mission: FlightMission) -> FlightModel:
         """Model of the estimator ``kalman`` with its configuration."""
         if mission.beacons is not None:
-            return FlightRangeModel(config, mission, mission.beacons)
+            return FlightBeaconModel(config, mission, mission.beacons)
         return FlightModel(mission, AxisModel.from_config(config, mission), first_covariance(config, mission))
 
     @staticmethod
@@ -94,39 +95,43 @@ class FlightModel:
         return x[:6].copy(), P[:6, :6].copy()
 
 
-class FlightRangeModel(FlightModel):
-    """Model with the ranges (n,) [m] to beacons, and behind them a fix (3,) [m] where the configuration asks for it."""
+class FlightBeaconModel(FlightModel):
+    """Model with the numbers (m,) that are read of beacons, in the order of ``BeaconRows``, and behind them a fix (3,)
+    [m] where the configuration asks for it.
+    """
 
     def __init__(self, config: KalmanConfig, mission: FlightMission, beacons: FlightBeacons) -> None:
         super().__init__(mission, axis_model(config, mission), start_covariance(config, mission))
-        self._places, self._fixes = beacons.array, config.fixes
-        self._std = np.full(len(self._places), max(beacons.noise, config.noise_floor))
+        self._read = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
+        self._places = dict(self._read.slices)
+        self.rows = self._read.size
+        self._fix_std = max(mission.position_noise, config.noise_floor)
         if config.fixes:
-            self._std = np.append(self._std, [max(mission.position_noise, config.noise_floor)] * 3)
-        self.rows = len(self._std)
+            self._places["position"] = slice(self.rows, self.rows + 3)
+            self.rows += 3
 
     def reading(self, measurement: Measurement) -> Array | None:
         if self.unused(measurement) is not None:
             return None
-        y, n = np.full(self.rows, np.nan), len(self._places)
-        y[slice(n) if measurement.name == RANGES else slice(n, n + 3)] = measurement.value
+        y = np.full(self.rows, np.nan)
+        y[self._places[measurement.name]] = measurement.value
         return y
 
     def unused(self, measurement: Measurement) -> Unused | None:
-        names = {RANGES: len(self._places)} | ({"position": 3} if self._fixes else {})
-        if measurement.name not in names:
+        own = self._places.get(measurement.name)
+        if own is None:
             return Unused.UNKNOWN_SENSOR
-        if measurement.value.shape != (names[measurement.name],):
+        if measurement.value.shape != (own.stop - own.start,):
             return Unused.MALFORMED
         return Unused.NOT_FINITE if np.isinf(measurement.value).any() else None
 
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
-        expected, H = slant_ranges(self._places, x[:3])
-        W = np.zeros((self.rows, 9))
-        W[: len(expected), :3] = H
-        if self._fixes:
-            expected = np.append(expected, x[:3])
-            W[-3:, :3] = _EYE
-        W /= self._std[:, None]
-        W[np.isnan(y)] = np.nan
-        return (y - expected) / self._std, W
+        r, W, m = np.full(self.rows, np.nan), np.full((self.rows, 9), np.nan), self._read.size
+        read, fixed = np.flatnonzero(np.isfinite(y[:m])), m + np.flatnonzero(np.isfinite(y[m:]))
+        W[np.append(read, fixed)] = 0.0
+        if len(read):
+            h, H = self._read.linear(x[:3], read.tolist())
+            r[read] = self._read.whitened(self._read.innovations(y[read], h, read), read)
+            W[read, :3] = self._read.whitened(H, read)
+        r[fixed], W[fixed, :3] = (y[fixed] - x[fixed - m]) / self._fix_std, _EYE[fixed - m] / self._fix_std
+        return r, W

@@ -24,12 +24,11 @@ from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Sensor, StateView
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
+from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, RANGES
 from mathnavi.models.unicycle.mission import TICK, RangingMission, WheelOdometry
 from mathnavi.models.unicycle.motion import UnicycleMotion
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality
 
-RANGES, BEARINGS, DIFFERENCES = "beacon_ranges", "beacon_bearings", "beacon_differences"
-"""names of the sensors, in the order of their kinds 0, 1 and 2"""
 LEAST_NOISE = 1e-4  # [m, rad] least noise that an estimator assumes of a reading, however small the declared one is
 
 Place = tuple[float, float]

@@ -124,8 +124,8 @@ def _figures(run: FlightRun) -> list[Drawn]:
             (
                 "beacons",
                 beacons_figure(run),
-                "Error of the estimated position with three of its standard deviations, and innovations of the ranges "
-                "over theirs; a beacon that is left out has none.",
+                "Error of the estimated position with three of its standard deviations, and innovations of the "
+                "readings over theirs; a beacon that is left out has none.",
             )
         )
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]
@@ -246,24 +246,25 @@ def beacons_figure(run: FlightRun) -> Figure:
     truth = np.column_stack([np.interp(t, run.t, column) for column in run.x[:, :3].T])
     error = np.linalg.norm(x[:, :3] - truth, axis=1)
     spread = 3.0 * np.linalg.norm(arrays["estimate.deviation"][:, :3], axis=1)
-    ratio = arrays["estimate.innovations"] / arrays["estimate.innovation_std"]
-    out = arrays.get("estimate.left_out", np.zeros_like(ratio))[:, : ratio.shape[1]] > 0.0
+    ratio, n = arrays["estimate.innovations"] / arrays["estimate.innovation_std"], len(run.mission.beacons)
+    out = arrays.get("estimate.left_out", np.zeros_like(ratio))[:, :n] > 0.0
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 5.0)
         upper, lower = figure.subplots(2, 1, sharex=True)
         i = thinned(len(t), int(np.nanargmax(error)))
         upper.plot(t[i], error[i], color=colour_of(SceneElement.FLOWN), lw=1.1, label="error")
         upper.plot(t[i], spread[i], ":", color=BOUND, lw=1.2, label="three standard deviations")
-        upper.set(ylabel="position [m]", title="Estimate of the position by ranges", ylim=(0.0, None))
+        upper.set(ylabel="position [m]", title="Estimate of the position by beacons", ylim=(0.0, None))
         upper.set_ylim(0.0, 1.2 * upper.get_ylim()[1])  # room for the legend
         upper.legend(loc="upper left", ncols=2)
-        for k, column in enumerate(ratio.T):
-            read = np.isfinite(column)
+        for row, column in enumerate(ratio.T):  # the numbers of all sensors, each of all beacons
+            read, k = np.isfinite(column), row % n
             lower.plot(t[read], k + 0.1 * np.clip(column[read], -5.0, 5.0), color=colour_of(SceneElement.RAY), lw=0.6)
+        for k in range(n):
             lower.fill_between(t, k - 0.5, k + 0.5, where=out[:, k], color=BOUND, alpha=0.25, lw=0)
         lower.set(
-            xlabel="time [s]", ylabel="beacon", xlim=(0.0, run.duration), yticks=range(ratio.shape[1]),
-            title="Innovations of the ranges, ten deviations from one beacon to the next; shaded: left out",
+            xlabel="time [s]", ylabel="beacon", xlim=(0.0, run.duration), yticks=range(n),
+            title="Innovations of the readings, ten deviations from one beacon to the next; shaded: left out",
         )  # fmt: skip
     return figure
 

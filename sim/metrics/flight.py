@@ -17,7 +17,7 @@ from mathnavi.interfaces.signals import Array, Plan
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter
-from mathnavi.sim.metrics.flight_beacons import beacon_figures, range_bound
+from mathnavi.sim.metrics.flight_beacons import beacon_bound, beacon_figures
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, guarantee_losses, planner_share, solve_times
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, estimates_at, judged_bound
 
@@ -30,10 +30,10 @@ def flight_bound(recording: Recording, name: str, mission: FlightMission) -> Pos
     """Bound of position and velocity (6,) of a point mass under gusts from fixes, judged by the position.
 
     The model is linear, so the bound is the covariance of a Kalman filter without floors, equal on all axes; that of a
-    flight among beacons is ``range_bound``.
+    flight among beacons is ``beacon_bound``.
     """
     if mission.beacons is not None:
-        return range_bound(recording, name, mission, mission.beacons)
+        return beacon_bound(recording, name, mission, mission.beacons)
     n, fixes = recording.length, recording.agents[name].readings.get("position")
     if fixes is None:
         return PosteriorBound.none("the estimator reads no position fixes", n)

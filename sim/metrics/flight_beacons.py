@@ -1,4 +1,4 @@
-"""Figures of a flight among beacons: errors of its estimates, beacons that were left out, and the bound by ranges."""
+"""Figures of a flight among beacons: errors of its estimates, beacons that were left out, and the bound by readings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mathnavi.interfaces.signals import Array, Status
-from mathnavi.models.aerial.beacons import RANGES, FlightBeacons, slant_ranges
+from mathnavi.models.aerial.beacon_readings import BeaconRows
+from mathnavi.models.aerial.beacons import FlightBeacons
+from mathnavi.models.beacon_names import DIFFERENCES
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter
@@ -35,11 +37,12 @@ def beacon_figures(recording: Recording, name: str, beacons: FlightBeacons) -> d
     for each in known:
         if (left_out := each.extra.get("left_out")) is not None:
             out |= left_out[: len(out)] > 0.0
-    readings = recording.agents[name].readings.get(RANGES)
+    logged = {each: recording.agents[name].readings.get(each) for each in beacons.sensor_names}
+    readings = [y[: recording.length, each == DIFFERENCES :] for each, y in logged.items() if y is not None]
     return {
         "position_rms_m": float(np.sqrt(np.square(error[last]).sum(axis=1).mean())),
         "nees_mean": nees if np.isfinite(nees) else None,
-        "lost_ranges": None if readings is None else _unanswered(readings[: recording.length]),
+        "lost_ranges": _unanswered(readings),
         "initialising_s": statuses.count(Status.INITIALISING) * step,
         "lost_s": statuses.count(Status.LOST) * step,
         "degraded_s": statuses.count(Status.DEGRADED) * step,
@@ -47,26 +50,31 @@ def beacon_figures(recording: Recording, name: str, beacons: FlightBeacons) -> d
     }
 
 
-def _unanswered(readings: Array) -> float | None:
-    """Share of the single ranges (n, m) that did not arrive, of the times at which any did."""
-    asked = readings[np.isfinite(readings).any(axis=1)]
-    return float(np.isnan(asked).mean()) if len(asked) else None
+def _unanswered(readings: list[Array]) -> float | None:
+    """Share of the single numbers (n, m) of sensors that did not arrive, of the times at which any did."""
+    asked = [np.isnan(each[np.isfinite(each).any(axis=1)]).ravel() for each in readings]
+    return float(np.concatenate(asked).mean()) if any(map(len, asked)) else None
 
 
-def range_bound(recording: Recording, name: str, mission: FlightMission, beacons: FlightBeacons) -> PosteriorBound:
-    """Bound of position and velocity (6,) of a point mass under gusts from ranges, and from fixes if it reads them.
+def beacon_bound(recording: Recording, name: str, mission: FlightMission, beacons: FlightBeacons) -> PosteriorBound:
+    """Bound of position and velocity (6,) of a point mass under gusts from what it reads of beacons, and from fixes if
+    it reads them.
 
-    The derivatives of the ranges are those at the true places.
+    The derivatives of the readings are those at the true places.
     """
     from mathnavi.estimators.beacons.flight_quality import thrice  # these take a while to import
     from mathnavi.estimators.flight_model import AxisModel, clipped_rms
 
     agent, n = recording.agents[name], recording.length
-    ranges, fixes = agent.readings.get(RANGES), agent.readings.get("position")
-    rms = clipped_rms(mission.gust)
-    if ranges is None:
-        return PosteriorBound.none("the estimator reads no ranges", n)
-    if not (beacons.noise > 0.0 and rms > 0.0) or (fixes is not None and not mission.position_noise > 0.0):
+    logged, fixes = {each: agent.readings.get(each) for each in beacons.sensor_names}, agent.readings.get("position")
+    rms, rows = clipped_rms(mission.gust), BeaconRows(beacons)
+    if all(each is None for each in logged.values()):
+        return PosteriorBound.none("the estimator reads no beacons", n)
+    y = np.full((n, rows.size), np.nan)
+    for each, values in logged.items():
+        if values is not None:
+            y[:, rows.slices[each]] = values[:n]
+    if not (rows.variance.min() > 0.0 and rms > 0.0) or (fixes is not None and not mission.position_noise > 0.0):
         return PosteriorBound.none("the readings are declared exact, or no gusts are declared", n)
     axis = AxisModel(rms, mission.gust.time_constant, beacons.noise)
     recursion = BoundRecursion(covariance=thrice(np.diag([0.0, 0.0, rms**2])))
@@ -78,10 +86,10 @@ def range_bound(recording: Recording, name: str, mission: FlightMission, beacons
                 F, _, Q = axis.discretised(h)
                 discrete[h] = thrice(F), thrice(Q)
             recursion.predict(*discrete[h])
-        read = np.isfinite(ranges[k])
-        if read.any():
-            _, H = slant_ranges(beacons.array[read], x[k, :3])
-            recursion.observe(np.hstack([H, np.zeros((len(H), 6))]) * np.sqrt(1.0 - beacons.outliers) / beacons.noise)
+        read = np.flatnonzero(np.isfinite(y[k]))
+        if len(read):
+            W = rows.whitened(rows.linear(x[k, :3], read.tolist())[1], read) * np.sqrt(1.0 - beacons.outliers)
+            recursion.observe(np.hstack([W, np.zeros((len(W), 6))]))
         if fixes is not None and np.isfinite(fixes[k]).all():
             recursion.observe(np.eye(3, 9) / mission.position_noise)
         now = recursion.variance

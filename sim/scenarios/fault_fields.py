@@ -15,16 +15,18 @@ A disturbance acts; it is not declared. What tracking bounds allow for is ``Flig
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Interval, Le
 
+from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
 from mathnavi.interfaces.field_table import TOGETHER
 from mathnavi.interfaces.protocols import Planner, Sensor
-from mathnavi.models.aerial.beacons import RANGES, FailingBeacons
+from mathnavi.models.aerial.beacons import FailingBeacons, FlightBeaconSensor
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.sensor_faults import Dropout
@@ -169,24 +171,26 @@ class LostReadings(Fault):
 
 @configuration(prefix="faults.")
 class BeaconFaults(Fault):
-    """Beacons that fail on the way; their ranges are not declared to be wrong."""
+    """Beacons that fail on the way; what is read of them is not declared to be wrong."""
 
     stream: ClassVar[str] = "beacon_faults"  # it draws nothing
 
     beacons: Annotated[tuple[Annotated[int, Ge(0)], ...], TOGETHER] = ()
     """numbers of the beacons that fail, from 0 on"""
     beacon_fault: Literal["stuck", "offset"] = "stuck"
-    """fault of these beacons; stuck: the last range before is read again and again; offset: the range is off"""
+    """fault of these beacons; stuck: the last reading before is read again and again; offset: the reading is off"""
     beacon_offset: Annotated[float, Interval(ge=-LARGEST, le=LARGEST), FINITE] = 5.0
-    """error of the ranges of beacons that fail by an offset [m]"""
+    """error of the ranges and range differences of beacons that fail by an offset [m]"""
+    beacon_angle: Annotated[float, Radians(-math.pi, math.pi)] = 0.1
+    """error of the azimuths and elevations of beacons that fail by an offset [rad]"""
     beacons_fail_at: Magnitude = 10.0
     """time at which these beacons fail [s]"""
 
     def on_sensor(self, sensor: Sensor, rng: np.random.Generator) -> Sensor:
-        if not self.beacons or sensor.name != RANGES:
+        if not (self.beacons and isinstance(sensor, FlightBeaconSensor)):
             return sensor
         offset = None if self.beacon_fault == "stuck" else self.beacon_offset
-        return FailingBeacons(sensor, self.beacons, self.beacons_fail_at, offset)
+        return FailingBeacons(sensor, self.beacons, self.beacons_fail_at, offset, self.beacon_angle)
 
 
 # ---- groups of them
@@ -203,5 +207,5 @@ class AerialFaults(LostReadings, RandomGusts, Jumps, CorruptedPlans, CommonFligh
 
 
 @configuration(prefix="faults.")
-class SafeFlightFaults(BeaconFaults, AerialFaults):
+class SafeFlightFaults(AerialFaults, BeaconFaults):
     """Faults of safe-flight."""

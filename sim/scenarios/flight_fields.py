@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Interval
 
+from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import (
     FINITE,
     THREE_FINITE_NUMBERS,
@@ -18,10 +20,13 @@ from mathnavi.interfaces.bounds import (
     configuration,
 )
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.field_table import TOGETHER
 from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
+from mathnavi.models.beacon_names import BeaconKind
 from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.records.missions import Point
+from mathnavi.sim.scenarios.beacon_fields import check_beacons
 from mathnavi.sim.scenarios.fault_fields import LARGEST, BeaconFaults, Magnitude, PositiveMagnitude, SafeFlightFaults
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 from mathnavi.sim.scenarios.redraw import ChanceFields
@@ -62,26 +67,29 @@ class FlightNoise:
 
 @configuration(prefix="beacons.")
 class FlightBeaconFields:
-    """Beacons at known places, whose ranges the estimator kalman reads in place of position fixes."""
+    """Beacons at known places, which the estimator kalman reads in place of position fixes."""
 
     places: Annotated[tuple[FinitePoint, ...], Each(BEACON_PLACE)] = ()
     """place X Y Z of a beacon [m] on the map; may be given several times"""
+    read: Annotated[tuple[BeaconKind, ...], TOGETHER] = ("ranges",)
+    """readings of each beacon: ranges, bearings, range differences to the first, or several of these"""
     range_noise: Magnitude = 1.0
-    """standard deviation of a range [m]"""
+    """standard deviation of a range, and of each of the two arrivals that a range difference is between [m]"""
+    bearing_noise: Annotated[float, Radians(0.0, math.pi)] = 0.02
+    """standard deviation of the azimuth and of the elevation of a bearing [rad]"""
     range_maximum: PositiveMagnitude | None = None
     """greatest range, beyond which there is no return [m]; no limit if not given"""
     outliers: Fraction = 0.0
-    """fraction of single ranges that are anything"""
+    """fraction of readings that are anything"""
     dropout: Fraction = 0.0
-    """fraction of single ranges that are lost"""
+    """fraction of readings that are lost"""
     rate: Rate = 10.0
     """rate at which all beacons are read [Hz]"""
     line_of_sight: bool = False
-    """whether a beacon that the ground hides has no return; ranges pass through the ground if not"""
+    """whether a beacon that the ground hides has no return; readings pass through the ground if not"""
 
     def __post_init__(self) -> None:
-        if len(set(self.places)) < len(self.places):
-            raise FieldError(f"beacons.places = {self.places!r} holds one place twice; allowed: different places")
+        check_beacons(self)
 
     def declared(self) -> FlightBeacons | None:
         """Beacons as a mission declares them; None without any."""
@@ -95,6 +103,8 @@ class FlightBeaconFields:
             self.dropout,
             self.outliers,
             self.line_of_sight,
+            self.read,
+            self.bearing_noise,
         )
 
 
@@ -163,7 +173,8 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
         check_target_path(self.target_path)
         failing = self.faults.beacons if isinstance(self.faults, BeaconFaults) else ()  # somebody's own may have none
         count = len(self.beacons.places)
-        if any(each >= count for each in failing):
+        if any(each >= count for each in failing) or len(set(failing)) < len(failing):
             allowed = "none without beacons.places" if not count else "0" if count == 1 else f"0 to {count - 1}"
+            allowed = allowed if len(set(failing)) == len(failing) else f"different numbers, {allowed}"
             beacons = "1 beacon" if count == 1 else f"{count} beacons"
             raise FieldError(f"faults.beacons = {failing!r}, of {beacons}; allowed: {allowed}")

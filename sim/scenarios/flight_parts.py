@@ -16,7 +16,7 @@ from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Planner
 from mathnavi.interfaces.signals import Array, Plan
-from mathnavi.models.aerial.beacons import RANGES, FlightBeacons
+from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -122,11 +122,13 @@ def mission_but_ends(
     if beacons is not None:
         _check_sight(beacons, terrain)
         mission = dataclasses.replace(mission, beacons=beacons)
-    if beacons is not None and RANGES not in {each.name for each in checked_sensors(estimator, mission)}:
+    if beacons is not None and not set(beacons.sensor_names) <= {
+        each.name for each in checked_sensors(estimator, mission)
+    }:
         name = called("estimators", estimator.name)
         raise MissionError(
             f"beacons.places = {beacons.places!r}: the estimator {name} does not read them; allowed: one that reads "
-            "ranges to beacons, such as kalman"
+            "beacons, such as kalman"
         )
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 

@@ -19,9 +19,10 @@ import numpy as np
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.beacon_names import SENSORS
 from mathnavi.models.field.wall import Wall
 from mathnavi.models.sensor_faults import Outage, Saturated
-from mathnavi.models.unicycle.beacons import BEARINGS, DIFFERENCES, RANGES, BeaconFieldMission
+from mathnavi.models.unicycle.beacons import BeaconFieldMission
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
 from mathnavi.models.unicycle.mission import DifferentialDrive, IdealDrive, RangingMission
 from mathnavi.models.unicycle.quality import KnownStart
@@ -105,7 +106,7 @@ class RangeLocalisation:
 
 def _check_unknown(config: RangeLocalisationConfig, sensors: Sequence[Sensor], estimator: PluginSpec) -> None:
     """MissionError for beacons at unknown places that an estimator does not read."""
-    if config.beacons.unknown and RANGES not in {each.name for each in sensors}:
+    if config.beacons.unknown and SENSORS["ranges"] not in {each.name for each in sensors}:
         raise MissionError(
             f"beacons.unknown = {config.beacons.unknown!r}: the estimator {called('estimators', estimator.name)} does "
             "not read beacons; allowed: one that does, such as beacon_bank"
@@ -247,7 +248,7 @@ def _with_faults(sensors: tuple[Sensor, ...], config: RangeLocalisationConfig) -
         saturated = Saturated(sensor, most) if most is not None and sensor.name == "ranges" else sensor
         return Outage(saturated, outage) if outage else saturated
 
-    read = ("ranges", RANGES, BEARINGS, DIFFERENCES)
+    read = ("ranges", *SENSORS.values())
     return tuple(faulty(sensor) if sensor.name in read else sensor for sensor in sensors)
 
 

@@ -26,6 +26,7 @@ from mathnavi.interfaces.bounds import (
 from mathnavi.interfaces.checks import check
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import TOGETHER, NumberList
+from mathnavi.models.beacon_names import BeaconKind
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.field.map_file import MapPlace, load_map
 from mathnavi.models.field.wall import Wall
@@ -33,6 +34,7 @@ from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
+from mathnavi.sim.scenarios.beacon_fields import check_beacons
 from mathnavi.sim.scenarios.fault_fields import Factor
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
@@ -140,9 +142,6 @@ class RangingNoise:
         return OdometryQuality(self.odometry_noise, self.odometry_bias, slip)
 
 
-BeaconKind = Literal["ranges", "bearings", "range-differences"]
-
-
 @configuration(prefix="beacons.")
 class BeaconFields:
     """Beacons, which estimators such as beacon_bank read in place of the wall."""
@@ -168,13 +167,7 @@ class BeaconFields:
     """rate at which all beacons are read [Hz]"""
 
     def __post_init__(self) -> None:
-        if len(set(self.places)) < len(self.places):
-            raise FieldError(f"beacons.places = {self.places!r} holds one place twice; allowed: different places")
-        if not self.read:
-            raise FieldError("beacons.read is empty; allowed: ranges, bearings, range-differences")
-        if "range-differences" in self.read and len(self.places) == 1:
-            raise FieldError("beacons.read = range-differences of one beacon; allowed: two beacons or more")
-
+        check_beacons(self)
         if len(set(self.unknown)) < len(self.unknown) or any(i >= len(self.places) for i in self.unknown):
             raise FieldError(
                 f"beacons.unknown = {self.unknown!r} with {len(self.places)} places; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.kalman import Kalman
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Measurement, Status
-from mathnavi.models.aerial.beacons import RANGES, FailingBeacons, FlightBeacons
+from mathnavi.models.aerial.beacons import FailingBeacons, FlightBeacons
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
+from mathnavi.models.beacon_names import BeaconKind
 from mathnavi.models.terrain.height_field import HeightField
 
 FOUR = ((0.0, 0.0, 50.0), (6000.0, 0.0, 900.0), (0.0, 6000.0, 300.0), (6000.0, 6000.0, 10.0))
@@ -34,7 +36,7 @@ class Flown:
     error: Array  # (n, 3) [m]
     left_out: Array  # (n, l)
     messages: list[str]
-    ratio: Array  # (n, beacons) innovations over their deviations
+    ratio: Array  # (n, m) innovations over their deviations
 
     @property
     def sure_and_wrong(self) -> float:
@@ -64,20 +66,23 @@ def flight(
     sinks: float = 0.0,
     gap: tuple[float, float] = (0.0, 0.0),
     config: KalmanConfig | None = None,
+    read: tuple[BeaconKind, ...] = ("ranges",),
+    angle: float = 0.02,
 ) -> Flown:
     """A flight about its start, ``swing`` [m] up and down; ``sinks`` [m/s] besides that.
 
-    ``failing`` is the number of a beacon that fails at 15 s, and its offset [m], None: stuck; in the ``gap`` [s] there
-    are no readings.
+    ``failing`` is the number of a beacon that fails at 15 s, and its offset [m], None: stuck, with an ``angle`` [rad]
+    of bearings; in the ``gap`` [s] there are no readings.
     """
     rng = np.random.default_rng(seed)
     start = (*rng.uniform(1500.0, 4500.0, 2).tolist(), height + 50.0 * rng.uniform(-1.0, 1.0))
-    beacons = FlightBeacons(places)
+    beacons = FlightBeacons(places, read=read, bearing_noise=0.002)
     mission, config = mission_of(beacons, start), config or KalmanConfig()
     estimator = Kalman.build(config, mission)
-    sensor: Sensor = beacons.sensor(mission.terrain)
+    read_by = beacons.sensors(mission.terrain)
+    sensors: Sequence[Sensor] = read_by
     if failing is not None:
-        sensor = FailingBeacons(beacons.sensor(mission.terrain), failing[:1], 15.0, failing[1])
+        sensors = [FailingBeacons(each, failing[:1], 15.0, failing[1], angle) for each in read_by]
     gust, keep = mission.gust, math.exp(-PERIOD / mission.gust.time_constant)
     x, g, u = mission.start_state, np.zeros(3), np.zeros(3)
     phases = rng.uniform(0.0, 2.0 * math.pi, 3)
@@ -85,10 +90,10 @@ def flight(
     for k in range(round(duration / PERIOD)):
         t, readings = k * PERIOD, []
         if k % EVERY == 0:
-            value = sensor.read(View(x), rng)
+            values = {each.name: each.read(View(x), rng) for each in sensors}
             fix = x[:3] + mission.position_noise * rng.standard_normal(3)
-            if value is not None and not gap[0] <= t < gap[1]:
-                readings = [Measurement(RANGES, t, value)]
+            if not gap[0] <= t < gap[1]:
+                readings = [Measurement(name, t, value) for name, value in values.items() if value is not None]
                 readings += [Measurement("position", t, fix)] if config.fixes else []
         estimate = estimator.update(t, readings, u)
         assert estimate.covariance is not None
@@ -104,7 +109,7 @@ def flight(
         x = flow(x, u + g * min(1.0, gust.limit / max(float(np.linalg.norm(g)), 1e-9)), PERIOD)
         g = keep * g + gust.rms * math.sqrt(1.0 - keep**2) * rng.standard_normal(3)
     table = np.array(rows)
-    n = len(table[0]) - len(places)
+    n = len(table[0]) - estimate.extra["innovations"].size
     return Flown(
         table[:, 0], table[:, 1].astype(bool), table[:, 2], table[:, 3:6], table[:, 6:n], messages, table[:, n:]
     )

@@ -115,6 +115,8 @@ def test_a_recorded_run_with_unknown_beacons_gives_the_same_estimates_and_is_dra
         ({"beacons.places": ((0.0, 0.0), (0.0, 0.0))}, "one place twice"),
         ({"beacons.places": ((0.0, 0.0),), "beacons.read": ("range-differences",)}, "of one beacon"),
         ({"beacons.read": ()}, "beacons.read is empty"),
+        ({"beacons.places": (), "beacons.unknown": (0,)}, r"beacons.unknown = \(0,\) without beacons.places; allowed"),
+        ({"beacons.places": (), "beacons.rate": 5.0}, "beacons.rate = 5.0 without beacons.places; allowed"),
         ({"beacons.places": ()}, "'beacon_bank' is for a BeaconMission or BeaconFieldMission"),
     ],
 )

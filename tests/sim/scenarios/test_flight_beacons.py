@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.commands.cli import main
 from mathnavi.models.aerial.beacons import slant_ranges
 from mathnavi.models.aerial.mission import DeclaredGusts
+from mathnavi.renders.flight.report import beacons_figure
+from mathnavi.renders.flight.run_data import load_run
 from mathnavi.sim.records.run_spec import RunSpec
 
 PLACES = (
@@ -68,15 +72,42 @@ def test_the_recorded_flight_is_estimated_with_fewer_beacons_and_smoothed() -> N
     assert rms[1] < rms[0] < 6.0
 
 
+def test_it_arrives_by_bearings_and_differences_and_its_log_gives_the_same_estimates(tmp_path: Path) -> None:
+    fields = FIELDS | {"beacons.read": ("bearings", "range-differences"), "beacons.bearing_noise": 0.002}
+    run = mn.run("safe-flight", seed=3, estimator="kalman", **fields)
+    assert run.success
+    assert run.summary["nees_mean"] < 9.0
+    assert run.summary["efficiency"] < 1.3
+    assert "measurement.beacon_ranges" not in run.arrays
+    folder = run.save(tmp_path / "run")
+    assert main(["estimate", "kalman", str(folder), "--out", str(tmp_path / "again")]) == 0
+    again = load_run(tmp_path / "again").log.arrays
+    for name in ("x", "deviation", "innovations", "left_out"):
+        assert np.array_equal(again[f"estimate.{name}"], run[f"estimate.{name}"], equal_nan=True), name
+    figure = beacons_figure(load_run(folder))
+    assert [text.get_text() for text in figure.axes[1].get_yticklabels()][-2:] == ["4", "5"]
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
         ({"beacons.places": ((0.0, 0.0, 1.0),) * 2}, "beacons.places = .* one place twice"),
         ({"beacons.places": ((0.0, 0.0, 1e9),)}, "beacons.places.*three values"),
         ({"beacons.range_noise": -1.0}, "beacons.range_noise = -1.0"),
+        ({"beacons.read": ()}, "beacons.read is empty; allowed: ranges, bearings, range-differences"),
+        ({"beacons.places": PLACES[:1], "beacons.read": ("range-differences",)}, "range-differences of one beacon"),
+        ({"beacons.bearing_noise": -1.0}, "beacons.bearing_noise = -1.0"),
         ({"faults.beacons": (6,)}, r"faults.beacons = \(6,\), of 6 beacons; allowed: 0 to 5"),
         ({"beacons.places": PLACES[:1], "faults.beacons": (1,)}, r"of 1 beacon; allowed: 0$"),
-        ({"beacons.places": (), "faults.beacons": (0,)}, "allowed: none without beacons.places"),
+        (
+            {"beacons.places": (), "beacons.range_noise": 1.0, "faults.beacons": (0,)},
+            "allowed: none without beacons.places",
+        ),
+        (
+            {"faults.beacons": (0, 2, 0)},
+            r"faults.beacons = \(0, 2, 0\), of 6 beacons; allowed: different numbers, 0 to 5",
+        ),
+        ({"beacons.places": ()}, "beacons.range_noise = 0.5 without beacons.places; allowed"),
     ],
 )
 def test_beacons_that_cannot_be_are_refused(fields: dict[str, Any], said: str) -> None:
@@ -100,6 +131,14 @@ def test_a_beacon_that_nothing_ever_sees_is_refused_where_sight_is_needed(
     fields = FIELDS | {"beacons.places": (PLACES[2], place)}
     spec = RunSpec.of("safe-flight", 1, estimator="kalman", fields=fields | {"beacons.line_of_sight": True})
     with pytest.raises(ValueError, match=f"beacons.places = .*{place[0]}.* is {where}.*; allowed"):
+        spec.build()
+
+
+@pytest.mark.parametrize(("field", "value"), [("fixes", True), ("position_std_max", 9.0)])
+def test_fields_of_an_estimator_that_are_of_beacons_are_refused_without_any(field: str, value: float) -> None:
+    fields = {"terrain": "jacksboro", f"estimator.{field}": value}
+    spec = RunSpec.of("safe-flight", 1, estimator="kalman", fields=fields)
+    with pytest.raises(ValueError, match=f"estimator.{field} = .* without beacons; allowed"):
         spec.build()
 
 

@@ -49,12 +49,6 @@ def external_prediction_ekf(states: int, readings: int) -> Any:
     P <- F P F' + Q with its ``F`` (n, n) and ``Q`` (n, n). States and readings must both be flat arrays: filterpy
     broadcasts a flat array and a column to a square matrix.
     """
-    from filterpy.kalman import ExtendedKalmanFilter  # takes 0.7 s to import
-
-    class ExternalPredictionEkf(ExtendedKalmanFilter):
-        """Extended Kalman filter whose predicted state is an argument of ``predict``."""
-
-        def predict_x(self, u: Any) -> None:
-            self.x = u
+    from mathnavi.estimators.external_prediction_ekf import ExternalPredictionEkf  # takes 0.7 s to import
 
     return ExternalPredictionEkf(states, readings)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
 import numpy as np
 from annotated_types import Interval
@@ -49,6 +49,8 @@ HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMis
 @configuration
 class MovingHorizonConfig:
     """Fields of the command line."""
+
+    kernels: ClassVar[str] = "mathnavi.estimators.integrity.ahead"  # compiled before the first run: those of all models
 
     stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 6
     """number of stages of the window: times with readings, and the newest time"""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from numba.core import types
 
 from mathnavi.estimators.beacons.kernels import condition, merged, predict
-from mathnavi.estimators.integrity.excess import factor_of
-from mathnavi.estimators.integrity.windows import add, worst_of
+from mathnavi.estimators.integrity import ahead
 from mathnavi.interfaces.compiled import Signature
-from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, array, combined
+from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, array
 
 _NUMBER, _WHOLE, WHOLES = types.float64, types.int64, array(1, types.int64)
 _FILTERS = (TWO, THREE)  # states and covariances
@@ -16,7 +15,5 @@ KERNELS: tuple[Signature, ...] = (
     (predict, (*_FILTERS, *(_NUMBER,) * 5)),
     (condition, (*_FILTERS, ONE, _NUMBER, _WHOLE, _WHOLE, TWO, WHOLES, ONE, TWO)),
     (merged, (*_FILTERS, ONE, _NUMBER, _NUMBER)),
-    (add, (TWO, _WHOLE, ONE, ONE)),
-    (worst_of, (TWO, _WHOLE, array(1, types.boolean), WHOLES, _NUMBER, _NUMBER, ONE)),
-    (factor_of, (TWO, _WHOLE, combined(_WHOLE, _WHOLE), WHOLES, _NUMBER, ONE, ONE, _NUMBER, _NUMBER)),
+    *ahead.KERNELS,
 )

@@ -116,7 +116,7 @@ def _begun(rows: BeaconRows, y: Array, read: Integers) -> Array | None:
         B = places - centre
         own = np.square(B).sum(axis=1)
         found: Array = np.linalg.lstsq(2.0 * B, own - own.mean() - squares + squares.mean(), rcond=None)[0]
-        return centre + found
+        return np.asarray(centre + found, np.float64)
     differing = list(values[DIFFERENCE])
     if len(differing) >= _FEWEST:
         d, B = np.array([values[DIFFERENCE][i] for i in differing]), rows.places[differing] - rows.places[0]

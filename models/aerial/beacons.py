@@ -131,13 +131,15 @@ def least_information(beacons: FlightBeacons, terrain: HeightField, points: Arra
         answered = np.flatnonzero(answers(rows, read[k]))
         if len(answered):
             J[k] = rows.information(p, answered)
-    return np.maximum(np.linalg.eigvalsh(J)[:, 0], 0.0)
+    least: Array = np.maximum(np.linalg.eigvalsh(J)[:, 0], 0.0)
+    return least
 
 
 def answers(rows: BeaconRows, read: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """True (m,) for the rows that are read where beacons (n,) have a return: no difference without beacon 0."""
     shared = rows.kinds == DIFFERENCE
-    return read[rows.beacons] & ~(shared & (rows.beacons == 0)) & ~(shared & (not read[0]))
+    answered: NDArray[np.bool_] = read[rows.beacons] & ~(shared & ((rows.beacons == 0) | (not read[0])))
+    return answered
 
 
 @dataclass(frozen=True)

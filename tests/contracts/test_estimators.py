@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import pickle
 import operator
 import re
 import typing
@@ -125,10 +126,13 @@ def flight_bench(silent: bool = False) -> Bench:
 
 
 def beacon_flight_bench(silent: bool = False) -> Bench:
-    """The slalom among four beacons whose ranges are read; estimators that read fixes or the state do so here too."""
+    """The slalom among four beacons of which all is read; estimators that read fixes or the state do so here too."""
     bench = flight_bench(silent)
     places = ((2500.0, 2500.0, 300.0), (5500.0, 2800.0, 1500.0), (2600.0, 5600.0, 1000.0), (5400.0, 5500.0, 100.0))
-    beacons = FlightBeacons(places, noise=0.0 if silent else 1.0)
+    beacons = FlightBeacons(
+        places, 0.0 if silent else 1.0, read=("ranges", "bearings", "range-differences"),
+        bearing_noise=0.0 if silent else 0.002,
+    )  # fmt: skip
     return dataclasses.replace(bench, mission=dataclasses.replace(bench.mission, beacons=beacons))
 
 
@@ -604,6 +608,21 @@ def fly(plugin: type[EstimatorPlugin], bench: str, silent: bool, estimator: Esti
             steps.append(Step(t, tuple(inbox), u.copy(), x))
             inbox = []
     return steps
+
+
+@pytest.mark.parametrize(
+    ("name", "bench"), [each for each in FLOWN if each[1] not in {"hyperbolic plane", *SYSTEMS}], ids=" on ".join
+)
+def test_it_can_be_pickled_and_goes_on_as_it_did(name: str, bench: str) -> None:
+    """All but those of systems whose equations are functions within functions."""
+    plugin, steps = PLUGINS[name].load(), recorded(name, bench).steps[:12]
+    estimator = plugin.build(plugin.Config(), bench_of(bench, False).mission)
+    for step in steps[:8]:
+        estimator.update(step.t, step.measurements, step.command)
+    again = pickle.loads(pickle.dumps(estimator))
+    for step in steps[8:]:
+        one, other = (each.update(step.t, step.measurements, step.command) for each in (estimator, again))
+        np.testing.assert_array_equal(one.x, other.x)
 
 
 def replay(estimator: Estimator, steps: Sequence[Step]) -> Iterator[tuple[Step, Estimate]]:

@@ -22,6 +22,7 @@ from tests.models.field.walls import FURNISHED
 PLACES = ((3.0, 2.0), (-3.0, 2.5), (-2.5, -3.0))
 AMONG_BEACONS = {"beacons.places": PLACES, "planner.mode": "figure-eight"}
 RANGE_FINDERS: dict[str, Any] = {"start_known": True, "sensors": (-135.0, -45.0, 45.0, 135.0)}
+FLIGHT = {"terrain": "jacksboro", "start": (3000.0, 4000.0, 1000.0), "target": (6000.0, 7000.0, 1000.0)}
 Run = tuple[str | None, dict[str, Any]]
 """estimator and fields"""
 
@@ -29,9 +30,7 @@ Run = tuple[str | None, dict[str, Any]]
 def runs(room: Path) -> dict[str, Sequence[Run]]:
     """Short runs of each scenario; together those of one call all that they list, within a ``room`` too."""
     return {
-        "safe-flight": [
-            (None, {"terrain": "jacksboro", "start": (3000.0, 4000.0, 1000.0), "target": (6000.0, 7000.0, 1000.0)})
-        ],
+        "safe-flight": [(None, FLIGHT), ("moving_horizon", FLIGHT)],
         "attitude-tracking": [(None, {"duration": 1.2, "settled": 0.8})],
         "arm-velocity": [(None, {"duration": 0.5, "settled": 0.2})],
         "missile-guidance": [(None, {})],

@@ -1,10 +1,12 @@
-"""A flight by ranges to beacons beside the same flight by position fixes: errors, consistency, time that it is OK.
+"""A flight by readings of beacons beside the same flight by position fixes: errors, consistency, time that it is OK.
 
     python -m benchmarks.flight_beacons [--seeds 10]
 
 One mission of ``safe-flight`` over the terrain jacksboro, 2.8 km under gusts of 1 m/s^2, is flown in closed loop by the
-estimator ``kalman``: by fixes with 2 m of noise on each axis, by ranges with 0.5 m of noise to four or six beacons,
-both ten times a second, and with one beacon that is stuck, or 5 m off, from 10 s on.
+estimator ``kalman``, ten times a second each: by fixes with 2 m of noise on each axis, by ranges with 0.5 m of noise to
+four or six beacons, by bearings with 1 mrad of noise to four, and by range differences of six, of arrivals with 0.5 m
+of noise; and with a beacon that fails from 10 s on: stuck, or off by 5 m, or 10 mrad. What three beacons tell leaves
+nothing to plan with there, unless the flight arrives within 150 m of its target and may be 10 m above the ground.
 """
 
 from __future__ import annotations
@@ -43,10 +45,15 @@ MISSION: Mapping[str, Any] = {
 FAULTY = 1  # number of the beacon that fails
 
 
-def by_beacons(count: int, fault: str = "") -> dict[str, Any]:
-    """Fields of the scenario for the first ``count`` beacons, one of which fails."""
-    fields: dict[str, Any] = {"beacons.places": PLACES[:count], "beacons.range_noise": 0.5}
-    return fields | ({"faults.beacons": (FAULTY,), "faults.beacon_fault": fault} if fault else {})
+def by_beacons(count: int, fault: str = "", read: str = "ranges", failing: int = FAULTY, **more: Any) -> dict[str, Any]:
+    """Fields of the scenario for what is ``read`` of the first ``count`` beacons, of which ``failing`` has a fault."""
+    fields: dict[str, Any] = {"beacons.places": PLACES[:count], "beacons.range_noise": 0.5, "beacons.read": (read,)}
+    fields |= {"beacons.bearing_noise": 0.001} if read == "bearings" else {}
+    return fields | more | ({"faults.beacons": (failing,), "faults.beacon_fault": fault} if fault else {})
+
+
+OFF_ANGLE: dict[str, Any] = {"faults.beacon_angle": 0.01}
+NEAR_GROUND: dict[str, Any] = {"arrival_radius": 150.0, "clearance_min": 10.0}
 
 
 CONDITIONS: Mapping[str, dict[str, Any]] = {
@@ -57,6 +64,14 @@ CONDITIONS: Mapping[str, dict[str, Any]] = {
     "4 beacons, one 5 m off": by_beacons(4, "offset"),
     "6 beacons, one stuck": by_beacons(6, "stuck"),
     "6 beacons, one 5 m off": by_beacons(6, "offset"),
+    "4 beacons, one 3 m off": by_beacons(4, "offset") | {"faults.beacon_offset": 3.0},
+    "3 beacons": by_beacons(3, **NEAR_GROUND),
+    "3 beacons, one 5 m off": by_beacons(3, "offset", **NEAR_GROUND),
+    "bearings of 4": by_beacons(4, read="bearings"),
+    "bearings of 4, one off": by_beacons(4, "offset", "bearings") | OFF_ANGLE,
+    "differences of 6": by_beacons(6, read="range-differences"),
+    "differences of 6, one 5 m off": by_beacons(6, "offset", "range-differences"),
+    "differences of 6, the first 5 m off": by_beacons(6, "offset", "range-differences", 0),
 }
 
 

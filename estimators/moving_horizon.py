@@ -50,7 +50,7 @@ HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMis
 class MovingHorizonConfig:
     """Fields of the command line."""
 
-    kernels: ClassVar[str] = "mathnavi.estimators.integrity.ahead"  # compiled before the first run: those of all models
+    kernels: ClassVar[str] = "mathnavi.estimators.integrity.innovations_ahead"  # compiled before the first run
 
     stages: Annotated[int, Interval(ge=2, le=200), FINITE] = 6
     """number of stages of the window: times with readings, and the newest time"""

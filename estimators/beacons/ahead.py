@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba.core import types
 
 from mathnavi.estimators.beacons.kernels import condition, merged, predict
-from mathnavi.estimators.integrity import ahead
+from mathnavi.estimators.integrity import innovations_ahead
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, array
 
@@ -15,5 +15,5 @@ KERNELS: tuple[Signature, ...] = (
     (predict, (*_FILTERS, *(_NUMBER,) * 5)),
     (condition, (*_FILTERS, ONE, _NUMBER, _WHOLE, _WHOLE, TWO, WHOLES, ONE, TWO)),
     (merged, (*_FILTERS, ONE, _NUMBER, _NUMBER)),
-    *ahead.KERNELS,
+    *innovations_ahead.KERNELS,
 )

@@ -99,6 +99,7 @@ class FlightBeaconFilter:
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
         self._heard = np.full(self._rows.size, -math.inf)  # [s] of the last number used of each row
         self._refused = 0  # readings in a row of which most numbers were refused
+        self._arrived = dict.fromkeys(self._rows.slices, -math.inf)  # [s] of the last reading of each sensor
         self._nu = np.full((2, self._rows.size), np.nan)  # innovations of the last readings, and their deviations
         self._pending: dict[str, Array] = {}  # readings of beacons of the time of the state, not used yet
 
@@ -127,6 +128,7 @@ class FlightBeaconFilter:
                     self._take(reading.t, reading.value, beacons=False)
                 else:
                     self._pending[reading.name] = reading.value
+                    self._arrived[name] = reading.t
         self._use_pending()
         self._predict(t, command)
         return self._estimate(t)
@@ -346,7 +348,8 @@ class FlightBeaconFilter:
             return worst(status, Status.DEGRADED), "cannot tell on which side of the plane of its beacons it is"
         if (deviation := math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))) > math.sqrt(self._bound):
             return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
-        return status, ""
+        missing = [name for name, last in self._arrived.items() if t - last > self._timeout.longest]
+        return (worst(status, Status.DEGRADED), f"has had no {missing[0]} for long") if missing else (status, "")
 
 
 class GuardedFlight(Guarded):

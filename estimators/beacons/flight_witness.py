@@ -19,7 +19,8 @@ from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from mathnavi.estimators.flight_model import KalmanConfig
-from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, QUIET, Flags, Thresholds, Windows, Worst
+from mathnavi.estimators.integrity.joint_mean import JointMean
+from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, MEAN, QUIET, Flags, Thresholds, Windows, Worst
 from mathnavi.estimators.integrity.witness import is_plausible
 from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement
 from mathnavi.models.aerial.beacon_readings import AZIMUTH, DIFFERENCE, LEAST_ANGLE, BeaconRows, curvature_effects
@@ -28,7 +29,9 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.angles import wrapped
 from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES
 
-_WINDOWS = (0.5, 2.0, 5.0)  # [s]
+_WINDOWS = (0.3, 0.5, 2.0, 5.0)  # [s]
+_LEAP = 2.0  # readings, over which a leap is tested before the filter has followed it
+_FALSE_LEAP = 0.01 / 60.0  # [1/s] of false alarms of that
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
 _ALIKE = float(chdtri(6, 1e-3))
 FIXES = "position"
@@ -57,8 +60,12 @@ class BeaconWitness:
         self._R = block_diag(rows.covariance(np.arange(rows.size)), fixed)
         self._gust = mission.gust.rms**2
         m = beacons.outliers
-        thresholds = Thresholds.of(size, mission.control_period, _WINDOWS)
+        thresholds = Thresholds.of(size, mission.control_period, _WINDOWS, len(_WINDOWS))
         self.windows = Windows(thresholds, size, 1.0 - m + m * CLIP**2)
+        self._mean = JointMean(thresholds.lengths, size, thresholds.alpha)
+        two = np.array([max(2, round(_LEAP / beacons.rate / mission.control_period))])
+        clip = CLIP if m > 0.0 else math.inf
+        self._leap = JointMean(two, size, _FALSE_LEAP / beacons.rate, fewest=2, clip=clip)
         self._nothing = np.full(size, np.nan)
         self._last, self._first, self._moved = (self._nothing.copy() for _ in range(3))
         self._repeats, self._most = np.zeros(size, dtype=np.int64), 0
@@ -76,6 +83,8 @@ class BeaconWitness:
         read = np.isfinite(y)
         if not known or not read.any():
             self.windows.add(self._nothing, self._nothing)
+            self._mean.add(self._nothing)
+            self._leap.add(self._nothing)
             return self._worst
         assert before is not None
         relied = used[self._channel]
@@ -93,8 +102,13 @@ class BeaconWitness:
         if len(rows):
             white[rows] = np.linalg.solve(np.linalg.cholesky(S[np.ix_(rows, rows)]), nu[rows])
         self.windows.add(e, white)
+        self._mean.add(white)
+        self._leap.add(white)
         self._note_repeats(y, expected, read)
         self._worst = self._of_channels(self.windows.worst(relied))
+        together = max(each.worst(self.windows.kappa) for each in (self._mean, self._leap))
+        if together > self._worst.ratio:
+            self._worst = Worst(together, MEAN, -1)
         return self._worst
 
     def _test_arrival(self, e: Array, nu: Array, S: Array, shared: Integers, kept: Integers, *, trusted: bool) -> Array:
@@ -187,6 +201,8 @@ class BeaconWitness:
     def forget(self, channel: int) -> None:
         for k in self._numbers(channel):
             self.windows.forget(k)
+            self._mean.forget(k)
+            self._leap.forget(k)
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         n = len(self._rows.places)
@@ -214,9 +230,11 @@ class BeaconWitness:
 
     def clear(self) -> None:
         self.windows.clear()
+        self._mean.clear()
+        self._leap.clear()
         self._worst = QUIET
 
     def copy(self) -> BeaconWitness:
         made = copy.copy(self)
-        made.windows = self.windows.copy()
+        made.windows, made._mean, made._leap = self.windows.copy(), self._mean.copy(), self._leap.copy()
         return made

@@ -61,6 +61,7 @@ class Thresholds:
     """Windows and levels of a monitor of l channels."""
 
     lengths: Integers  # (w,) updates
+    alpha: float  # level of each test
     z: float
     energy: Array  # (n + 1,) of chi-square, by degrees of freedom
     soft_z: float
@@ -76,6 +77,7 @@ class Thresholds:
         soft = np.arange(1, int(lengths[-1]) + 1)
         return Thresholds(
             lengths.astype(np.int64),
+            float(alpha),
             float(-ndtri(0.5 * alpha)),
             np.append(math.inf, chdtri(freedom, alpha)),
             float(-ndtri(0.5 * SOFT)),

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import pickle
 import operator
+import pickle
 import re
 import typing
 from collections.abc import Callable, Iterator, Sequence

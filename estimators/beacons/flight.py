@@ -356,7 +356,8 @@ class GuardedFlight(Guarded):
     """The filter with its monitor.
 
     What disagreed once, and agrees again, says nothing where each reading is needed: the filter has followed a beacon
-    at fault. There an alarm is remembered until there are readings to spare, more than three numbers.
+    at fault. There an alarm is remembered until there are readings to spare, more than three numbers, and a leap of the
+    readings is one: nothing else tells of a fault that the filter follows.
     """
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
@@ -368,17 +369,24 @@ class GuardedFlight(Guarded):
         self._heard_at = np.full(rows.size, -math.inf)  # [s]
         self._fixes = config.fixes
 
+    @property
+    def _tests(self) -> BeaconWitness:
+        witness = self._now.witness
+        assert isinstance(witness, BeaconWitness)
+        return witness
+
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         estimate = super().update(t, measurements, command)
         extra = estimate.extra
-        self._alarm = self._alarm or float(extra["integrity"][0]) > 1.0
         self._heard_at[np.isfinite(extra["innovations"])] = t
         if self._fixes and any(each.name == FIXES and np.isfinite(each.value).all() for each in measurements):
             self._fixed = t
         numbers = int((self._heard_at >= t - self._timeout).sum()) + 3 * (self._fixed >= t - self._timeout)
+        spare = numbers > _NO_SPARE
+        self._alarm = self._alarm or float(extra["integrity"][0]) > 1.0 or (not spare and self._tests.leap > 1.0)
         if not self._alarm or estimate.status is not Status.OK:
             return estimate
-        if numbers > _NO_SPARE:
+        if spare:
             self._alarm = False
             return estimate
         message = "disagreed with a beacon, and has none to spare that would tell which"

@@ -29,7 +29,8 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.angles import wrapped
 from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES
 
-_WINDOWS = (0.3, 0.5, 2.0, 5.0)  # [s]
+_WINDOWS = (0.5, 2.0, 5.0)  # [s]
+_SLOW = 2  # the longest of these, over which the mean of all is tested: a leap is found by the others first
 _LEAP = 2.0  # readings, over which a leap is tested before the filter has followed it
 _FALSE_LEAP = 0.01 / 60.0  # [1/s] of false alarms of that
 _REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
@@ -60,9 +61,9 @@ class BeaconWitness:
         self._R = block_diag(rows.covariance(np.arange(rows.size)), fixed)
         self._gust = mission.gust.rms**2
         m = beacons.outliers
-        thresholds = Thresholds.of(size, mission.control_period, _WINDOWS, len(_WINDOWS))
+        thresholds = Thresholds.of(size, mission.control_period, _WINDOWS, _SLOW)
         self.windows = Windows(thresholds, size, 1.0 - m + m * CLIP**2)
-        self._mean = JointMean(thresholds.lengths, size, thresholds.alpha)
+        self._mean = JointMean(thresholds.lengths[-_SLOW:], size, thresholds.alpha)
         two = np.array([max(2, round(_LEAP / beacons.rate / mission.control_period))])
         clip = CLIP if m > 0.0 else math.inf
         self._leap = JointMean(two, size, _FALSE_LEAP / beacons.rate, fewest=2, clip=clip)
@@ -106,8 +107,7 @@ class BeaconWitness:
         self._leap.add(white)
         self._note_repeats(y, expected, read)
         self._worst = self._of_channels(self.windows.worst(relied))
-        together = max(each.worst(self.windows.kappa) for each in (self._mean, self._leap))
-        if together > self._worst.ratio:
+        if (together := self._mean.worst(self.windows.kappa)) > self._worst.ratio:
             self._worst = Worst(together, MEAN, -1)
         return self._worst
 
@@ -177,6 +177,11 @@ class BeaconWitness:
         self._last = np.where(read, y, self._last)
 
     @property
+    def leap(self) -> float:
+        """Statistic of a leap over its threshold: of the last two readings, before a filter has followed them."""
+        return self._leap.worst(self.windows.kappa)
+
+    @property
     def protection(self) -> Array:
         """Not known."""
         return self._level
@@ -186,7 +191,7 @@ class BeaconWitness:
             return []
         moved = np.abs(self._moved - self._first) > _MOVED * np.sqrt(self._R.diagonal())
         stays = (self._repeats >= _REPEATS) & moved
-        return np.unique(self._channel[stays]).tolist()
+        return sorted({int(each) for each in self._channel[stays]})
 
     def _numbers(self, channel: int) -> list[int]:
         """Numbers of a channel."""

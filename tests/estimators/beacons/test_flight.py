@@ -145,6 +145,13 @@ def test_a_beacon_at_fault_is_named_and_left_out(offset: float | None) -> None:
     assert np.linalg.norm(run.error[late], axis=1).max() < 6.0
 
 
+def test_three_ranges_tell_by_its_leap_that_a_beacon_is_off_and_what_they_cannot_tell_is_published() -> None:
+    run = flight(FOUR[:3], 103, 25.0, failing=(1, 5.0))
+    assert run.ok[run.t < 14.9].all()
+    assert run.sure_and_wrong == 0.0
+    assert not run.ok[-200:].any()
+
+
 def test_fixes_beside_ranges_are_used() -> None:
     both, alone = flight(FOUR[:1], 1, config=KalmanConfig(fixes=True)), flight(FOUR[:1], 1)
     assert both.ok.all()

@@ -145,7 +145,7 @@ def test_a_beacon_at_fault_is_named_and_left_out(offset: float | None) -> None:
     assert np.linalg.norm(run.error[late], axis=1).max() < 6.0
 
 
-def test_three_ranges_tell_by_its_leap_that_a_beacon_is_off_and_what_they_cannot_tell_is_published() -> None:
+def test_three_ranges_tell_by_their_leap_that_a_beacon_is_off() -> None:
     run = flight(FOUR[:3], 103, 25.0, failing=(1, 5.0))
     assert run.ok[run.t < 14.9].all()
     assert run.sure_and_wrong == 0.0

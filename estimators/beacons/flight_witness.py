@@ -67,6 +67,7 @@ class BeaconWitness:
         two = np.array([max(2, round(_LEAP / beacons.rate / mission.control_period))])
         clip = CLIP if m > 0.0 else math.inf
         self._leap = JointMean(two, size, _FALSE_LEAP / beacons.rate, fewest=2, clip=clip)
+        self._own = JointMean(two, size, thresholds.alpha, fewest=2, clip=clip)  # of each number, left out or not
         self._nothing = np.full(size, np.nan)
         self._last, self._first, self._moved = (self._nothing.copy() for _ in range(3))
         self._repeats, self._most = np.zeros(size, dtype=np.int64), 0
@@ -86,6 +87,7 @@ class BeaconWitness:
             self.windows.add(self._nothing, self._nothing)
             self._mean.add(self._nothing)
             self._leap.add(self._nothing)
+            self._own.add(self._nothing)
             return self._worst
         assert before is not None
         relied = used[self._channel]
@@ -105,6 +107,7 @@ class BeaconWitness:
         self.windows.add(e, white)
         self._mean.add(white)
         self._leap.add(white)
+        self._own.add(e)
         self._note_repeats(y, expected, read)
         self._worst = self._of_channels(self.windows.worst(relied))
         if (together := self._mean.worst(self.windows.kappa)) > self._worst.ratio:
@@ -198,7 +201,9 @@ class BeaconWitness:
         return np.flatnonzero(self._channel == channel).tolist()
 
     def against(self, channel: int) -> float:
-        return max(self.windows.of_channel(k) for k in self._numbers(channel))
+        kappa, numbers = self.windows.kappa, self._numbers(channel)
+        leaps = (self._own.worst(kappa, slice(k, k + 1)) for k in numbers)  # where all together alarm at once
+        return max(*leaps, *(self.windows.of_channel(k) for k in numbers))
 
     def is_quiet(self, channel: int, updates: int) -> bool:
         return all(self.windows.is_quiet(k, updates) for k in self._numbers(channel))
@@ -208,6 +213,7 @@ class BeaconWitness:
             self.windows.forget(k)
             self._mean.forget(k)
             self._leap.forget(k)
+            self._own.forget(k)
 
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         n = len(self._rows.places)
@@ -237,9 +243,11 @@ class BeaconWitness:
         self.windows.clear()
         self._mean.clear()
         self._leap.clear()
+        self._own.clear()
         self._worst = QUIET
 
     def copy(self) -> BeaconWitness:
         made = copy.copy(self)
-        made.windows, made._mean, made._leap = self.windows.copy(), self._mean.copy(), self._leap.copy()
+        made.windows, made._mean = self.windows.copy(), self._mean.copy()
+        made._leap, made._own = self._leap.copy(), self._own.copy()
         return made

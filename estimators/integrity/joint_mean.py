@@ -57,11 +57,12 @@ class JointMean:
         self._k += 1
         self._sums[self._k % size] = after
 
-    def worst(self, kappa: float) -> float:
-        """The largest statistic over its threshold."""
+    def worst(self, kappa: float, numbers: slice = slice(None)) -> float:
+        """The largest statistic of all, or of some ``numbers``, over its threshold."""
         size, largest = len(self._sums), 0.0
         for n in self._lengths.tolist():
-            sums, counts = self._sums[self._k % size] - self._sums[(self._k - min(n, self._k)) % size]
+            within = self._sums[self._k % size] - self._sums[(self._k - min(n, self._k)) % size]
+            sums, counts = within[:, numbers]
             enough = counts > self._fewest - 0.5
             if enough.any():
                 T = float((np.square(sums[enough]) / counts[enough]).sum()) / kappa

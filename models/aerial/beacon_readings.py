@@ -17,16 +17,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, RANGES
-
-if TYPE_CHECKING:
-    from mathnavi.models.aerial.beacons import FlightBeacons
 
 RANGE, AZIMUTH, ELEVATION, DIFFERENCE = range(4)
 """kinds of numbers"""
@@ -67,6 +64,19 @@ def curvature_effects(P: Array, D: Array) -> tuple[float, float]:
     return 0.5 * float(A.trace()), 0.5 * max(float(np.vdot(A, A.T)), 0.0)
 
 
+class DeclaredBeacons(Protocol):
+    """What the rows need to know of beacons: ``FlightBeacons``."""
+
+    @property
+    def array(self) -> Array: ...
+    @property
+    def noise(self) -> float: ...
+    @property
+    def bearing_noise(self) -> float: ...
+    @property
+    def sensor_names(self) -> tuple[str, ...]: ...
+
+
 class BeaconRows:
     """The numbers that are read of beacons at ``places`` (n, 3) in an instant, stacked to (m,).
 
@@ -74,9 +84,9 @@ class BeaconRows:
     is never read; only those that are read.
     """
 
-    def __init__(self, beacons: FlightBeacons, floor: float = 0.0, least_angle: float = 0.0) -> None:
+    def __init__(self, beacons: DeclaredBeacons, floor: float = 0.0, least_angle: float = 0.0) -> None:
         """``floor`` [m] and ``least_angle`` [rad] are the least standard deviations that are assumed of a number."""
-        n, kinds = len(beacons.places), list[int]()
+        n, kinds = len(beacons.array), list[int]()
         self.places = beacons.array
         self.slices: dict[str, slice] = {}
         """rows of each sensor"""

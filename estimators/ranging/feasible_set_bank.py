@@ -213,8 +213,9 @@ class FeasibleSetBank:
                 )
             if self._reader.rays:
                 nis = self._condition(rho)
-        believed = self._is_alive and self._is_believed
-        if not believed and self._is_alive and (other := self._next_believed()) is not None:
+        refuted = self._fit.is_refuted
+        believed = self._is_alive and self._is_believed and not refuted
+        if not believed and not refuted and self._is_alive and (other := self._next_believed()) is not None:
             self._bank.score[self._best], self._best, believed = np.nan, other, True
             self._confirmation.change()
             self._bank.score[:] -= self._bank.score[other]
@@ -296,6 +297,7 @@ class FeasibleSetBank:
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
         bank.score[last] = 0.0 if alive or count > last else np.nan
         self._best = 0
+        self._fit.begin_again()
         self._confirmation.begin(calls)
 
     def _feasible(self, rays: Array, calls: int) -> Array:

@@ -360,7 +360,9 @@ class FeasibleSetBank:
 
     def _is_confirmed(self, P: Array) -> bool:
         bank, best, (sigma, outliers) = self._bank, self._best, noise_of(self._noise)
-        sensors = self._sensors.noisier(max(sigma, 1.0) if self._fit.has_corners else sigma, outliers)
+        if self._fit.has_corners:  # to a wrong pose in a building many are outliers, which excuse nothing
+            sigma, outliers = max(sigma, 1.0), min(outliers, self._sensors.outliers)
+        sensors = self._sensors.noisier(sigma, outliers)
         others = self._confirmation.attempt(bank, best, P, sensors, self._config.misfit, self._fit.inflation)
         add(bank, best, others.states, others.covariances, self._symmetry)
         return self._confirmation.is_confirmed

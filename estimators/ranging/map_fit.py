@@ -21,7 +21,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 
 _RECENT = 16.0  # readings over which the share of those that are not explained is averaged
 _MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
-_MOST = 0.6  # of them, from which on a pose that was not found elsewhere is hardly the right one
+_MOST = 2.0 / 3.0  # of them, from which on the pose is hardly the right one
 _CORRELATION, _PRIOR = 0.4, 50.0  # r at first, as at SLAM's poses on maps of scans, and the readings that it counts as
 _MOST_CORRELATED = 0.8  # r at most
 

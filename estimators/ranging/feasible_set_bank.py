@@ -213,8 +213,9 @@ class FeasibleSetBank:
                 )
             if self._reader.rays:
                 nis = self._condition(rho)
-        believed = self._is_alive and self._is_believed
-        if not believed and self._is_alive and (other := self._next_believed()) is not None:
+        refuted = self._fit.is_refuted
+        believed = self._is_alive and self._is_believed and not refuted
+        if not believed and not refuted and self._is_alive and (other := self._next_believed()) is not None:
             self._bank.score[self._best], self._best, believed = np.nan, other, True
             self._confirmation.change()
             self._bank.score[:] -= self._bank.score[other]
@@ -296,6 +297,7 @@ class FeasibleSetBank:
         bank.score[:count], bank.score[count:last] = 0.0, np.nan
         bank.score[last] = 0.0 if alive or count > last else np.nan
         self._best = 0
+        self._fit.begin_again()
         self._confirmation.begin(calls)
 
     def _feasible(self, rays: Array, calls: int) -> Array:
@@ -358,7 +360,9 @@ class FeasibleSetBank:
 
     def _is_confirmed(self, P: Array) -> bool:
         bank, best, (sigma, outliers) = self._bank, self._best, noise_of(self._noise)
-        sensors = self._sensors.noisier(max(sigma, 1.0) if self._fit.has_corners else sigma, outliers)
+        if self._fit.has_corners:  # to a wrong pose in a building many are outliers, which excuse nothing
+            sigma, outliers = max(sigma, 1.0), min(outliers, self._sensors.outliers)
+        sensors = self._sensors.noisier(sigma, outliers)
         others = self._confirmation.attempt(bank, best, P, sensors, self._config.misfit, self._fit.inflation)
         add(bank, best, others.states, others.covariances, self._symmetry)
         return self._confirmation.is_confirmed

@@ -21,6 +21,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 
 _RECENT = 16.0  # readings over which the share of those that are not explained is averaged
 _MANY = 1.0 / 3.0  # of them, from which on the map lacks too much of what is there
+_MOST = 2.0 / 3.0  # of them, from which on the pose is hardly the right one
 _CORRELATION, _PRIOR = 0.4, 50.0  # r at first, as at SLAM's poses on maps of scans, and the readings that it counts as
 _MOST_CORRELATED = 0.8  # r at most
 
@@ -53,6 +54,15 @@ class MapFit:
             found = misfits(x, P, rho, wall, sensors, self.innovations.fits[0])
             self.note(found, int(np.isfinite(rho).sum()))
             learn_correlation(self.innovations)
+
+    def begin_again(self) -> None:
+        """Go on at a pose that the readings so far do not tell of: it has to show that it explains them."""
+        self._share = min(self._share, _MANY)
+
+    @property
+    def is_refuted(self) -> bool:
+        """True where the map explains so few of the recent readings that the pose is hardly the right one."""
+        return self._share >= _MOST
 
     def judged(self, status: Status) -> Status:
         """The ``status`` of an estimate, ``DEGRADED`` where the map explains too few of the recent readings."""

@@ -8,7 +8,8 @@ have an unknown start; the others are given the pose of SLAM at the first scan, 
 
 A window is **found** if all errors of its last quarter are within 0.3 m and 0.2 rad. Errors are against the poses of
 SLAM at the scans, which are no independent truth. Windows in places that no other scan has seen have no map and are
-not among those that are chosen.
+not among those that are chosen. Of the others, ``mapped_share`` is what the whole laser says of the map, without any
+estimator: where a map has little of what is seen, no one finds a robot on it.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from mathnavi.studies.real.judging import HEADING, POSITION, pose_figures, row, 
 FEWEST, LATE = 10, 3  # scans of a window that can be measured, and of its last quarter
 TAILS = 2.0  # times the deviation of a step is declared: steps have wider tails than a Gaussian
 MAPPED = 0.95  # share of the poses of a window that lie on the map
+EXPLAINED = 0.3  # [m] from what the map would give to a range that it explains
 NEARBY = 3.0  # [m] from a pose of a window to one of the map's scans
 EVERY = 10.0  # [s] between the windows that are looked at
 CANDIDATES = 40  # random poses to begin with, per square metre
@@ -137,6 +139,23 @@ def walls_for(window: FloorWindow) -> Polygon:
     return walls_of(floor, window.used(floor), PLACES[window.place].longest, window.name)
 
 
+@lru_cache(maxsize=4)
+def mapped_share(window: FloorWindow) -> float:
+    """Share of all ranges of the laser that the map explains at SLAM's pose: the least of a scan of the last quarter.
+
+    0 for a scan without any range within reach.
+    """
+    floor, walls, reach = floor_of(Path(window.log)), walls_for(window), PLACES[window.place].reach
+    shares = list[float]()
+    for k in window.rows(floor):
+        if floor.t[k] >= window.last:
+            expected, _ = walls.ranges(floor.poses[k], floor.angles)
+            read = floor.ranges[k] < reach
+            explained = np.abs(floor.ranges[k] - expected)[read] <= EXPLAINED
+            shares.append(float(explained.sum()) / max(len(explained), 1))
+    return min(shares, default=0.0)
+
+
 def _bank(walls: Polygon) -> dict[str, Any]:
     """One scan to begin with, and as many poses as the area needs."""
     return {
@@ -230,6 +249,7 @@ def _row(floor: Floor, window: FloorWindow, beams: int, name: str, measured: Win
         start="unknown" if name in FINDING else "known",
         found=bool(last.any() and near[last].all()),
         last_error_m=float(off[last].max(initial=0.0)),
+        mapped_share=mapped_share(window),
         update_us=measured.update,
         **pose_figures(measured.found, measured.at, truth, (POSITION, HEADING)),
     )

@@ -34,7 +34,7 @@ KEPT = 5.0  # [s]
 COLUMNS = (
     *("part", "log", "case", "beams", "estimator", "start", "found", "position_rms_m", "position_rms_all_m"),
     *("heading_rms_deg", "inclination_rms_deg", "total_rms_deg", "velocity_rms_rad_s", "last_error_m", "nees"),
-    *("beacons_rms_m", "beacons_max_m"),
+    *("beacons_rms_m", "beacons_max_m", "mapped_share"),
     *("usable_share", "wrong_share", "lock_s", "update_us", "setting"),
 )
 """columns of NAME.csv"""

@@ -17,6 +17,7 @@ from mathnavi.studies.real.floor_windows import BANK
 FOUND, MOST_WRONG = 0.9, 0.005  # share of the windows, and of the time
 ON_LINE, SMOOTHED, OF_BEST = 1.2, 1.0, 0.9  # times the error of the rival
 FEW, MANY = 4, 8  # beams
+SEEN = 0.5  # of what the laser sees, that the map of a window has in each scan that counts
 FLOORS = ("intel", "freiburg-101")  # of which the target speaks, where they are at hand
 FILTER, SMOOTHER = "beacon_bank", "smoother of beacon_bank"
 Verdict = tuple[str, bool | None]  # what was measured, and whether it holds
@@ -44,6 +45,12 @@ def _windows(rows: Sequence[Row]) -> str:
     return f"{sum(row['found'] for row in rows)} of {len(rows)}"
 
 
+def _on_map(*kinds: Sequence[Row]) -> str:
+    """What was found in those windows of several ``kinds`` whose map has what the laser sees."""
+    mapped = [[row for row in rows if row["mapped_share"] >= SEEN] for rows in kinds]
+    return f"where the map explains half of all ranges in each last scan {' and '.join(map(_windows, mapped))}"
+
+
 def _share(rows: Sequence[Row]) -> float:
     return float(np.mean([row["found"] for row in rows]))
 
@@ -58,7 +65,10 @@ def judge_room(rows: Sequence[Row]) -> Verdict:
     if not few or not many:
         return f"not measured with {FEW} and {MANY} beams", None
     wrong = _wrong([*few, *many])
-    measured = f"{_windows(few)} with {FEW} beams, {_windows(many)} with {MANY}; sure and wrong {100.0 * wrong:.2g}%"
+    measured = (
+        f"{_windows(few)} with {FEW} beams, {_windows(many)} with {MANY}; {_on_map(few, many)}; sure and wrong "
+        f"{100.0 * wrong:.2g}%"
+    )
     return measured, _share(few) >= FOUND and _share(many) >= 1.0 and wrong <= MOST_WRONG
 
 
@@ -70,7 +80,8 @@ def judge_floor(rows: Sequence[Row]) -> Verdict:
     floors = {log: chosen(own, log=log) for log in dict.fromkeys(row["log"] for row in own)}
     judged = [floors[log] for log in FLOORS if log in floors] or list(floors.values())
     measured = ", ".join(f"{log} {_windows(of_log)}" for log, of_log in floors.items())
-    return f"{measured}; sure and wrong {100.0 * _wrong(own):.2g}%", all(_share(each) >= FOUND for each in judged)
+    wrong = f"sure and wrong {100.0 * _wrong(own):.2g}%"
+    return f"{measured}; {_on_map(own)}; {wrong}", all(_share(each) >= FOUND for each in judged)
 
 
 def judge_beacons(rows: Sequence[Row]) -> Verdict:

@@ -92,3 +92,28 @@ def test_from_an_unknown_start_a_filter_waits_for_the_bank_to_find_the_pose(name
         far += int((found.ok & (np.hypot(*(found.x - poses)[:, :2].T) > 1.0)).sum())
     assert far == 0
     assert ok > 0.2 * 6 * len(poses)
+
+
+def test_a_search_that_began_where_the_map_is_wrong_begins_again() -> None:
+    """For 10 s the robot reads what the map does not have, so that no pose that is found then is near the true one."""
+    hall = Polygon((((0, 0), (18, 0), (18, 8), (12, 8), (12, 14), (0, 14)), ((4, 4), (6, 4), (6, 7), (4, 6))))
+    mission = dataclasses.replace(MISSION, curve=hall, start=None)
+    found_again = 0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        t = STEP * np.arange(301)
+        x, u = np.array([9.0, 2.0, 0.1]), np.array([0.4, 0.2])
+        poses, ranges = np.empty((len(t), 3)), np.full((len(t), 8), np.nan)
+        for k in range(len(t)):
+            poses[k] = x
+            if k % 10 == 0:
+                rho = hall.ranges(x, MISSION.alpha)[0] + 0.05 * rng.standard_normal(8)
+                ranges[k] = np.maximum(rho * (rng.uniform(0.2, 0.8, 8) if t[k] < 10.0 else 1.0), 0.05)
+            x = MISSION.flow(x, u, STEP)
+        inputs = u + 0.02 * rng.standard_normal((len(t), 2))
+        bank = {"timeout": 10.0, "readings": 1, "candidates": 3000, "hypotheses": 200, "misfit": 6.0}
+        found = estimate("feasible_set_bank", mission, SensorLog(t, {"ranges": ranges, "odometry": inputs}), **bank)
+        off = np.hypot(*(found.x - poses)[:, :2].T)
+        found_again += int(off[-10:].max() < 0.3)
+        assert not (found.ok & (off > 1.0)).any()
+    assert found_again >= 4

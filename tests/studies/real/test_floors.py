@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -9,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.studies.real import floor_windows
 from mathnavi.studies.real.drawings import moments
 from mathnavi.studies.real.floor_logs import calibration, floor_of, sensor_log
-from mathnavi.studies.real.floor_windows import BANK, estimated, windows_of
+from mathnavi.studies.real.floor_windows import BANK, estimated, mapped_share, windows_of
 from tests.studies.real.logs import write_building
 
 
@@ -50,6 +52,19 @@ def test_a_robot_is_found_in_a_window_that_its_map_does_not_have(tmp_path: Path)
     measured = estimated(window, 8, BANK)
     truth = floor_of(tmp_path / "room.log").poses[measured.rows]
     assert np.hypot(*(measured.found.x[measured.at] - truth)[-5:, :2].T).max() < 0.3
+
+
+def test_a_map_is_judged_by_what_the_whole_laser_sees(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_building(tmp_path / "room.log", 8)
+    (window,) = windows_of(str(tmp_path / "room.log"), "room", 1, 40.0, 10.0)
+    before = mapped_share(window)
+    assert before > 0.5
+    floor = floor_of(tmp_path / "room.log")
+    ranges = floor.ranges.copy()
+    ranges[window.rows(floor)[-1], ::2] *= 0.5  # what stands there is on no other scan
+    monkeypatch.setattr(floor_windows, "floor_of", lambda _: dataclasses.replace(floor, ranges=ranges))
+    mapped_share.cache_clear()
+    assert mapped_share(window) < 0.7 * before
 
 
 def test_panels_are_those_where_poses_fall_away_and_the_last() -> None:

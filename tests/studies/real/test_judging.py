@@ -38,12 +38,24 @@ def test_a_pose_is_locked_once_it_may_be_used_and_stays_near() -> None:
 
 def windows(place: str, beams: int, found: int, of: int, log: str = "intel") -> list[dict[str, object]]:
     return [
-        row(part=place, log=log, beams=beams, estimator="feasible_set_bank", found=k < found, wrong_share=0.0)
+        row(
+            part=place,
+            log=log,
+            beams=beams,
+            estimator="feasible_set_bank",
+            found=k < found,
+            wrong_share=0.0,
+            mapped_share=0.9 if k < 7 else 0.1,
+        )
         for k in range(of)
     ]
 
 
 def test_rooms_and_floors_are_judged_by_the_share_that_is_found() -> None:
+    measured, holds = judge_room([*windows("room", 4, 6, 10), *windows("room", 8, 10, 10)])
+    assert "6 of 10 with 4 beams, 10 of 10 with 8; where the map explains" in measured
+    assert "6 of 7 and 7 of 7;" in measured
+    assert holds is False
     assert judge_room([*windows("room", 4, 9, 10), *windows("room", 8, 10, 10)])[1]
     assert not judge_room([*windows("room", 4, 9, 10), *windows("room", 8, 9, 10)])[1]
     assert judge_room(windows("room", 8, 9, 10))[1] is None

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.mechanism.closed_chains import closed_jacobian, common_joints, lengths_of, pseudoinverse
 from mathnavi.models.mechanism.geometry import evaluated
 from mathnavi.models.mechanism.implicit_step import ImplicitStep
 
@@ -37,7 +38,6 @@ Flags = NDArray[np.bool_]
 _FIXED, _AFFINE_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 _UNBIASED, _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _FRICTION_ROWS = tuple(int(getattr(mujoco.mjtConstraint, f"mjCNSTR_FRICTION_{of}")) for of in ("DOF", "TENDON"))
-_DEPENDENT = 1e-9  # of the greatest eigenvalue of J J', below which rows say nothing
 _ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _SHARE = 0.3  # standard deviation of a share before anything is known
 _DAMPING, _FRICTION = 5.0, 1.0  # [1/s], [rad/s^2, m/s^2] times the inertia of a joint: those of damping and friction
@@ -64,6 +64,7 @@ class MechanismParameters:
         self._model.actuator_forcelimited[:] = 0
         self._model.jnt_actfrclimited[:] = 0
         self._data = mujoco.MjData(self._model)
+        self._common = common_joints(model)
         self._link = int(model.jnt_bodyid[-1])
         self._load_model = evaluated(model)
         others = np.arange(model.nbody) != self._link
@@ -122,8 +123,13 @@ class MechanismParameters:
         holds = np.flatnonzero(~np.isin(data.efc_type[: data.nefc], _FRICTION_ROWS))
         if not len(holds):
             return LackingTorque(torque, effect, clear)
-        J = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)[holds]
-        T = np.eye(model.nv) - J.T @ np.linalg.pinv(J @ J.T, rcond=_DEPENDENT, hermitian=True) @ J
+        J, of = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv).copy(), data.efc_id[: data.nefc]
+        equal, m = slice(0, data.ne), data.ne  # equalities come first
+        J[equal] = closed_jacobian(J[equal], of[equal], self._common)
+        J[equal] /= lengths_of(J[equal], of[equal])[:, np.newaxis]
+        J[m:] /= np.maximum(np.linalg.norm(J[m:], axis=1), _NOTHING)[:, np.newaxis]
+        J = J[holds]
+        T = np.eye(model.nv) - pseudoinverse(J) @ J
         return LackingTorque(T @ torque, T @ effect, clear)
 
     def _clear(self, moment: Array, torque: Array) -> Flags:

@@ -235,7 +235,8 @@ class _Intrinsic:
                 each if isinstance(each, np.ndarray) else np.full(len(found.components), each) for each in found.weights
             )
             self._errors.correct(found.components, (alpha, beta, gamma), self._manifold.components(before, rate), h)
-            self.residual = Residual(found.components, self._errors.predicted, alpha)
+            whole = found.components if found.left is None else found.components + found.left
+            self.residual = Residual(whole, self._errors.predicted, alpha, left=found.left)
             self._learn_model(y)
             self._y, self._since = y, 0.0
         else:

@@ -19,7 +19,7 @@ KERNELS: tuple[Signature, ...] = (
     (
         note,
         (
-            *(ONE,) * 6,
+            *(ONE,) * 8,
             _COUNTS,
             _NUMBER,
             _NUMBER,

@@ -109,6 +109,7 @@ class GatedLaw(ABC):
         if L is None or not good:
             self.start(y)
             return True
+        whole = L
         L = L if self._closure is None else self._closure.tangent(x, L)
         if self._gains is None or self._gains[0] != h:
             weights = self._weights(h)
@@ -117,7 +118,8 @@ class GatedLaw(ABC):
         _, weights, gains = self._gains
         self._state = self._corrected(x, v, L, weights)
         self._errors.correct(L, gains, manifold.components(x, v), h)
-        self.residual = Residual(L, self._errors.predicted, gains[0])
+        left = None if self._closure is None else whole - L
+        self.residual = Residual(whole, self._errors.predicted, gains[0], left=left)
         self._y = y
         return True
 

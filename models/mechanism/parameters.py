@@ -43,6 +43,8 @@ _SHARE = 0.3  # standard deviation of a share before anything is known
 _DAMPING, _FRICTION = 5.0, 1.0  # [1/s], [rad/s^2, m/s^2] times the inertia of a joint: those of damping and friction
 _STANDING = 0.02  # [rad/s, m/s] v_0
 _NEAR = 0.75  # of a force range
+_DEPENDENT = 1e-6  # share below which a joint is not free
+_BESIDE = 2e-3  # [rad, m] from a limit within which a joint may touch it, by readings with errors
 _NOTHING = 1e-12
 _LEAST, _MOST = 0.1, 10.0  # of a nominal gain or load
 
@@ -52,7 +54,7 @@ class LackingTorque(NamedTuple):
 
     torque: Array  # (nv,) [N m, N]
     effect: Array  # (nv, p) Phi
-    clear: Flags  # (nv,) whether no actuator of the joint is near the end of its force
+    share: Array  # (nv,) of each torque that says something: 0 where an actuator is near the end of its force
 
 
 class MechanismParameters:
@@ -63,6 +65,7 @@ class MechanismParameters:
         self._model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         self._model.actuator_forcelimited[:] = 0
         self._model.jnt_actfrclimited[:] = 0
+        self._model.jnt_margin[:] += _BESIDE
         self._data = mujoco.MjData(self._model)
         self._common = common_joints(model)
         self._link = int(model.jnt_bodyid[-1])
@@ -122,7 +125,7 @@ class MechanismParameters:
         torque, effect = data.qfrc_inverse - data.qfrc_actuator, self._effect(moment, (q, v, a, u))
         holds = np.flatnonzero(~np.isin(data.efc_type[: data.nefc], _FRICTION_ROWS))
         if not len(holds):
-            return LackingTorque(torque, effect, clear)
+            return LackingTorque(torque, effect, clear.astype(np.float64))
         J, of = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv).copy(), data.efc_id[: data.nefc]
         equal, m = slice(0, data.ne), data.ne  # equalities come first
         J[equal] = closed_jacobian(J[equal], of[equal], self._common)
@@ -130,7 +133,8 @@ class MechanismParameters:
         J[m:] /= np.maximum(np.linalg.norm(J[m:], axis=1), _NOTHING)[:, np.newaxis]
         J = J[holds]
         T = np.eye(model.nv) - pseudoinverse(J) @ J
-        return LackingTorque(T @ torque, T @ effect, clear)
+        share = np.diag(T)
+        return LackingTorque(T @ torque, T @ effect, np.where(share > _DEPENDENT, share * clear, 0.0))
 
     def _clear(self, moment: Array, torque: Array) -> Flags:
         """True (nv,) for a joint unless, by the ``torque`` (nv,) that moves the mechanism, an actuator acts on it whose

@@ -42,7 +42,7 @@ class Residual(NamedTuple):
     variance: Array  # (n,) [rad^2, m^2] of the prediction
     gain: Array  # (n,) share of the residual by which the position is moved
     used: bool = True  # whether it was; a reading that is refused moves nothing, and is tested
-    left: Array | None = None  # (n,) part of the value that moves nothing either, as that across closed chains
+    moved: Array | None = None  # (n,) by which the position is moved, where that is not the gain times the value
 
 
 class GainCovariance:

@@ -17,12 +17,8 @@ the true one: so
 
     v - v^  =  mean of alpha L / h,
 
-whatever the model. Where closed chains allow but a part of what is read, the other part L_n is **left**: it moves
-nothing, and a chain that opens as the model does not say, which is soft, shows as what it changes by,
-
-    v - v^  =  mean of (alpha (L - L_n) + L_n - L_n^-) / h,
-
-L_n^- being that of the reading before; the whole of L is tested. The low-pass z of that mean over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes
+whatever the model; where closed chains open, by the way that observes it is moved, in place of alpha L. Its low-pass z
+over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes
 of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than
 s / 2, the estimate says nothing of the velocity, and is LOST.
 
@@ -78,7 +74,6 @@ class InnovationTests:
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
         self._resting = min(_RESTING * mission.speed_max, _SLOWEST)
         self._e, self._speed = np.zeros(n), self._resting
-        self._none, self._left = np.zeros(n), np.full(n, np.nan)  # L_n of a system without closed chains, and L_n^-
         self._starts = rate_starts(mission.system.manifold).astype(np.int64)
         self._begin, self._alarmed, self._lost, self._seen = math.inf, -math.inf, -math.inf, -math.inf  # [s]
         self.ratio = 0.0
@@ -92,7 +87,7 @@ class InnovationTests:
     def begin(self, t: float) -> None:
         """Begin again with a law that starts at t [s]."""
         self._windows.clear()
-        self._z[:], self._variance[:], self._left[:] = 0.0, 0.0, np.nan
+        self._z[:], self._variance[:] = 0.0, 0.0
         self._begin = t + self._grace
         self.factor, self.shown = np.ones(len(self.shown)), np.zeros(len(self.shown))
 
@@ -104,7 +99,7 @@ class InnovationTests:
         """
         windows, known, tested = self._windows, self._thresholds, t >= self._begin - TIME_TOLERANCE
         self._speed, most, self.ratio, test, channel = note(
-            residual.value, self._none if residual.left is None else residual.left, self._left,
+            residual.value, residual.gain * residual.value if residual.moved is None else residual.moved,
             residual.variance, residual.gain, *noise, rate, self._starts, h, self._speed,
             self._resting, residual.used, tested,
             self._e, self._z, self._variance, self.shown, self.factor,
@@ -169,8 +164,7 @@ def declare(known: Array, factor: Array, shown: Array, unknown: float) -> Array:
 @njit(cache=True, nogil=True)
 def note(
     L: Array,
-    left: Array,
-    left_before: Array,
+    moved: Array,
     P: Array,
     gain: Array,
     R: Array,
@@ -198,7 +192,7 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    ``left`` (n,) is the part of L (n,) that moves nothing, ``left_before`` (n,) that of the reading before, or NaN.
+    The reading has ``moved`` (n,) the position, if it was used.
     ``rate`` (n,) are velocities, of which those of joint j begin at ``starts[j]``; ``speed`` is the greatest so far and
     ``resting`` that of a system at rest; a reading that was not ``used`` has moved nothing. Returns the greatest speed
     and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
@@ -211,20 +205,14 @@ def note(
         beyond = max(abs(L[i]) - steps[i] - least * min(h / max(gain[i], 1e-6), _LASTING), 0.0)
         e[i] = math.copysign(beyond / math.sqrt(S), L[i])
         shown[i] = 0.0
-        opened = 0.0 if math.isnan(left_before[i]) else left[i] - left_before[i]
         for j in range(2):
-            kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
             if used:
-                z[j, i] = kept * z[j, i] + (1.0 - kept) * (gain[i] * (L[i] - left[i]) + opened) / h
+                kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
+                z[j, i] = kept * z[j, i] + (1.0 - kept) * moved[i] / h
                 by_reading = R[i] + min(P[i], R[i])  # not by an unknown start: that is an error, and shown as one
                 variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
-            square = variance[j, i]
-            if left[i] != 0.0:  # of the mean of differences of readings
-                square += R[i] * ((1.0 - kept) / h) ** 2 * 2.0 / (1.0 + kept)
-            by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(square)
+            by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])
             shown[i] = max(shown[i], abs(z[j, i]) - by_noise)
-        if used:
-            left_before[i] = left[i]
         most = max(most, shown[i])
         factor[i] = 1.0
     for joint in range(len(starts)):

@@ -58,7 +58,9 @@ class ClosedChains:
         return None if switched_off or not closing.any() else ClosedChains(model)
 
     def tangent(self, q: Array, c: Array) -> Array:
-        """Displacement or velocity (nv,) that the chains allow at q (nq,), the nearest to c (nv,)."""
+        """Displacement or velocity (nv,) that the chains allow at q (nq,), the nearest to c (nv,), or those (nv, k) that
+        are the nearest to the columns of c (nv, k).
+        """
         J, across, _ = self._rows(q)
         allowed: Array = c - across @ (J @ c)
         return allowed

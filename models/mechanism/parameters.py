@@ -44,7 +44,7 @@ _DAMPING, _FRICTION = 5.0, 1.0  # [1/s], [rad/s^2, m/s^2] times the inertia of a
 _STANDING = 0.02  # [rad/s, m/s] v_0
 _NEAR = 0.75  # of a force range
 _DEPENDENT = 1e-6  # share below which a joint is not free
-_BESIDE = 2e-3  # [rad, m] from a limit within which a joint may touch it, by readings with errors
+_BESIDE = 1e-3  # of its range, from a limit, within which a joint may touch it, by readings with errors
 _NOTHING = 1e-12
 _LEAST, _MOST = 0.1, 10.0  # of a nominal gain or load
 
@@ -65,7 +65,7 @@ class MechanismParameters:
         self._model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         self._model.actuator_forcelimited[:] = 0
         self._model.jnt_actfrclimited[:] = 0
-        self._model.jnt_margin[:] += _BESIDE
+        self._model.jnt_margin[:] += _BESIDE * np.diff(model.jnt_range)[:, 0] * (model.jnt_limited != 0)
         self._data = mujoco.MjData(self._model)
         self._common = common_joints(model)
         self._link = int(model.jnt_bodyid[-1])

@@ -89,7 +89,7 @@ class ChainOpening:
 
 
 def residual_of(L: Array, variance: Array, gain: Array, opened: Opened | None) -> Residual:
-    """Residual of a reading whose innovation L (n,) moves a model by the ``gain`` (n,), and its chains as ``opened``."""
+    """Residual of a reading whose innovation L (n,) moves a model by the ``gain`` (n,), and chains as ``opened``."""
     if opened is None:
         return Residual(L, variance, gain)
     return Residual(L + opened.innovation, variance + opened.variance, gain, moved=gain * L + opened.moved)

@@ -18,9 +18,9 @@ the true one: so
     v - v^  =  mean of alpha L / h,
 
 whatever the model; where closed chains open, by the way that observes it is moved, in place of alpha L. Its low-pass z
-over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes
-of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than
-s / 2, the estimate says nothing of the velocity, and is LOST.
+over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes of it, is the part of the declared
+deviation that the gains alone do not know. If after an alarm |z| is more than s / 2, the estimate says nothing of the
+velocity, and is LOST.
 
 The spread of the innovations of a coordinate also says by how much the variances of its position and its velocity are
 larger than declared, at least, and sooner than an alarm does (``mathnavi.estimators.integrity.excess``).
@@ -192,8 +192,7 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    The reading has ``moved`` (n,) the position, if it was used.
-    ``rate`` (n,) are velocities, of which those of joint j begin at ``starts[j]``; ``speed`` is the greatest so far and
+    The reading has ``moved`` (n,) the position, if it was used; ``rate`` (n,) are velocities, of which those of joint j begin at ``starts[j]``; ``speed`` is the greatest so far and
     ``resting`` that of a system at rest; a reading that was not ``used`` has moved nothing. Returns the greatest speed
     and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """

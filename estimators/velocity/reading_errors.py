@@ -10,8 +10,8 @@ while the observer runs. Of every joint
 where r is the reading less the cubic through the four before it, with weights w_i (c = 70 for readings that are evenly
 spaced), and L the innovation. A smooth motion and the errors of the model add to either; neither is smaller than the
 noise. The variance is then the larger of sigma^2 and Delta^2 / 12. A joint that stands shows no step: its encoder is
-taken to be as coarse as the coarsest of the others, of hinges or of slides if one of them has moved. It is known after fifty readings, if each joint has
-changed ten times, or three times by the same, or has not changed for fifty readings.
+taken to be as coarse as the coarsest of the others, of hinges or of slides if one of them has moved. All is known after
+fifty readings, if each joint has changed ten times, or three times by the same, or has not changed for fifty readings.
 
 What a mission declares is tested instead: the smaller of r / sqrt(c R) and L / sqrt(R), of every fifth reading, which
 are independent, by the windowed tests of energy (``mathnavi.estimators.integrity.windows``). R is the variance of noise

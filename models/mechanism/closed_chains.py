@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array, Integers
@@ -58,8 +57,8 @@ class ClosedChains:
         return None if switched_off or not closing.any() else ClosedChains(model)
 
     def tangent(self, q: Array, c: Array) -> Array:
-        """Displacement or velocity (nv,) that the chains allow at q (nq,), the nearest to c (nv,), or those (nv, k) that
-        are the nearest to the columns of c (nv, k).
+        """Displacement or velocity (nv,) that the chains allow at q (nq,), the nearest to c (nv,), or those (nv, k)
+        that are the nearest to the columns of c (nv, k).
         """
         J, across, _ = self._rows(q)
         allowed: Array = c - across @ (J @ c)

@@ -192,9 +192,9 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    The reading has ``moved`` (n,) the position, if it was used; ``rate`` (n,) are velocities, of which those of joint j begin at ``starts[j]``; ``speed`` is the greatest so far and
-    ``resting`` that of a system at rest; a reading that was not ``used`` has moved nothing. Returns the greatest speed
-    and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
+    The reading has ``moved`` (n,) the position, if it was used; ``rate`` (n,) are velocities, of which those of joint j
+    begin at ``starts[j]``; ``speed`` is the greatest so far and ``resting`` that of a system at rest. Returns the
+    greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """
     n, least = len(L), _NOTHING * speed
     speed = max(speed * math.exp(-h / _SPEED_MEMORY), resting)

@@ -54,10 +54,10 @@ _LEAST = 1.0  # [1/s] omega
 class BandwidthTuning:
     """Bandwidths omega (n,) for readings with variances (n,) [rad^2, m^2], rounded to ``steps`` (n,) [rad, m]."""
 
-    def __init__(self, period: float, variance: Array, steps: Array) -> None:
-        """``period`` is the time [s] between readings."""
+    def __init__(self, period: float, variance: Array, steps: Array, *, slow: bool = False) -> None:
+        """``period`` is the time [s] between readings; bandwidths that begin ``slow`` begin at the least."""
         self._variance, self._most, self._steps = variance, _MOST / period, steps
-        self.omega = np.full(len(variance), max(_START / period, _LEAST))
+        self.omega = np.full(len(variance), _LEAST if slow else max(_START / period, _LEAST))
         self._z, self._s = np.zeros(len(variance)), variance.copy()
 
     def learn(self, variance: Array, steps: Array) -> None:
@@ -80,6 +80,10 @@ class BandwidthTuning:
         tuned = np.clip(self.omega * np.exp(_RATE * (1.0 - rho) * (r - 1.0)), _LEAST, self._most)
         self.omega = np.where(self._variance > 0.0, tuned, self.omega)
         return triple_pole_weights(np.minimum(self.omega, _MOST / h), h)
+
+    def common_weights(self, n: int, h: float) -> tuple[Array, Array, Array]:
+        """Weights of n components that share the greatest bandwidth."""
+        return triple_pole_weights(np.full(n, min(float(self.omega.max()), _MOST / h)), h)
 
 
 GainName = Literal["constant", "printed"]

@@ -15,6 +15,7 @@ from mathnavi.estimators.riemannian.gains import (
     IntrinsicGains,
 )
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
+from mathnavi.estimators.velocity.chain_opening import ChainOpening, residual_of
 from mathnavi.estimators.velocity.gain_covariance import GainCovariance, Residual
 from mathnavi.estimators.velocity.model_learning import ModelLearning
 from mathnavi.estimators.velocity.position_observer import TIME_CONSTANTS, PositionObserver
@@ -158,6 +159,7 @@ class _Intrinsic:
         self._distance = np.nan
         self._tuning: BandwidthTuning | None = None
         self._errors = GainCovariance(manifold.dimension)
+        self._opening = ChainOpening.of(mission.system, mission.period)
         uncertain = uncertain_parameters(mission.system) if self._tuned else None
         self._learning = None if uncertain is None else ModelLearning(uncertain)
         self._learned_step: Step | None = None
@@ -168,6 +170,8 @@ class _Intrinsic:
     @property
     def state(self) -> Array:
         assert self._observer is not None
+        if self._opening is not None:
+            return self._opening.added(self._observer.xi, self._observer.eta)
         return np.concatenate([self._observer.xi, self._observer.eta])
 
     @property
@@ -184,7 +188,8 @@ class _Intrinsic:
     @property
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of the components of position and velocity, by the gains and the noise alone."""
-        return self._errors.deviation
+        known = self._errors.deviation
+        return known if self._opening is None else self._opening.deviation(known)
 
     def start(self, y: Array) -> None:
         config = self._config
@@ -193,6 +198,8 @@ class _Intrinsic:
         variance, steps = self._learned or (reading_variance(mission, y), rounding_steps(mission, y))
         self._gate, self._outlier_counter = SpeedGate(mission, y, variance), OutlierCounter()
         self._errors.start(variance, steps, mission.speed_max)
+        if self._opening is not None:
+            self._opening.start(variance, steps)
         self.residual = None
         if self._tuned:
             self._tuning = BandwidthTuning(mission.period, variance, steps)
@@ -207,6 +214,8 @@ class _Intrinsic:
         self._learned = (variance, steps)
         self._errors.learn(variance, steps)
         self._gate.learn(variance)
+        if self._opening is not None:
+            self._opening.learn(variance, steps)
         if self._tuning is not None:
             self._tuning.learn(variance, steps)
 
@@ -216,6 +225,8 @@ class _Intrinsic:
         reached = y is not None and self._is_reached(y)
         self._observer.predict(h, u, y if reached else None)
         self._errors.predict(h, self._observer.constraint_acceleration)
+        if self._opening is not None:
+            self._opening.predict(h)
         if self._learning is not None:
             self._learning.touch(self._observer.touching)
         self._t, self._u = self._t + h, u
@@ -234,8 +245,12 @@ class _Intrinsic:
             alpha, beta, gamma = (
                 each if isinstance(each, np.ndarray) else np.full(len(found.components), each) for each in found.weights
             )
-            self._errors.correct(found.components, (alpha, beta, gamma), self._manifold.components(before, rate), h)
-            self.residual = Residual(found.components, self._errors.predicted, alpha)
+            rate = self._manifold.components(before, rate)
+            self._errors.correct(found.components, (alpha, beta, gamma), rate, h)
+            opened = None
+            if self._opening is not None and found.across is not None:
+                opened = self._opening.correct(before, found.across, rate, h)
+            self.residual = residual_of(found.components, self._errors.predicted, alpha, opened)
             self._learn_model(y)
             self._y, self._since = y, 0.0
         else:

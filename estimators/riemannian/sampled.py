@@ -48,6 +48,7 @@ class Innovation:
     accepted: bool  # whether it was within the share of the injectivity radius
     components: Array | None = None  # (n,) of L, if it was
     weights: tuple[float | Array, float | Array, float | Array] = (0.0, 0.0, 0.0)  # alpha, beta and gamma
+    across: Array | None = None  # (n,) components of the reading that closed chains do not allow, and L lacks
 
 
 class SampledIntrinsicObserver:
@@ -121,8 +122,10 @@ class SampledIntrinsicObserver:
             self._measured = None
             return Innovation(theta, accepted=False)
         L = manifold.log(before, y)
+        across = None
         if self._closure is not None:  # of a mechanism, whose vectors are their components
-            L = self._closure.tangent(before, L)
+            allowed = self._closure.tangent(before, L)
+            L, across = allowed, L - allowed
         alpha: float | Array
         beta: float | Array
         gamma: float | Array = 0.0
@@ -138,7 +141,7 @@ class SampledIntrinsicObserver:
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta + gamma * L)
         self.xi = after
-        return Innovation(theta, True, manifold.components(before, L), (alpha, beta, gamma))
+        return Innovation(theta, True, manifold.components(before, L), (alpha, beta, gamma), across)
 
     def _curvature_term(self, theta: float, L: Array, h: float) -> Array:
         """h C R(eta, -L), at most _LARGEST |L| / h long."""

@@ -19,7 +19,7 @@ KERNELS: tuple[Signature, ...] = (
     (
         note,
         (
-            *(ONE,) * 6,
+            *(ONE,) * 7,
             _COUNTS,
             _NUMBER,
             _NUMBER,

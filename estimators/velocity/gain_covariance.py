@@ -42,6 +42,7 @@ class Residual(NamedTuple):
     variance: Array  # (n,) [rad^2, m^2] of the prediction
     gain: Array  # (n,) share of the residual by which the position is moved
     used: bool = True  # whether it was; a reading that is refused moves nothing, and is tested
+    moved: Array | None = None  # (n,) by which the position is moved, where that is not the gain times the value
 
 
 class GainCovariance:

@@ -17,9 +17,10 @@ the true one: so
 
     v - v^  =  mean of alpha L / h,
 
-whatever the model. Its low-pass z over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes
-of it, is the part of the declared deviation that the gains alone do not know. If after an alarm |z| is more than
-s / 2, the estimate says nothing of the velocity, and is LOST.
+whatever the model; where closed chains open, by the way that observes it is moved, in place of alpha L. Its low-pass z
+over one and over sixteen times the memory of a law, 1 / alpha, less what noise makes of it, is the part of the declared
+deviation that the gains alone do not know. If after an alarm |z| is more than s / 2, the estimate says nothing of the
+velocity, and is LOST.
 
 The spread of the innovations of a coordinate also says by how much the variances of its position and its velocity are
 larger than declared, at least, and sooner than an alarm does (``mathnavi.estimators.integrity.excess``).
@@ -98,7 +99,8 @@ class InnovationTests:
         """
         windows, known, tested = self._windows, self._thresholds, t >= self._begin - TIME_TOLERANCE
         self._speed, most, self.ratio, test, channel = note(
-            residual.value, residual.variance, residual.gain, *noise, rate, self._starts, h, self._speed,
+            residual.value, residual.gain * residual.value if residual.moved is None else residual.moved,
+            residual.variance, residual.gain, *noise, rate, self._starts, h, self._speed,
             self._resting, residual.used, tested,
             self._e, self._z, self._variance, self.shown, self.factor,
             windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, *self._chances,
@@ -162,6 +164,7 @@ def declare(known: Array, factor: Array, shown: Array, unknown: float) -> Array:
 @njit(cache=True, nogil=True)
 def note(
     L: Array,
+    moved: Array,
     P: Array,
     gain: Array,
     R: Array,
@@ -189,9 +192,9 @@ def note(
 ) -> tuple[float, float, float, int, int]:
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
-    ``rate`` (n,) are velocities, of which those of joint j begin at ``starts[j]``; ``speed`` is the greatest so far and
-    ``resting`` that of a system at rest; a reading that was not ``used`` has moved nothing. Returns the greatest speed
-    and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
+    The reading has ``moved`` (n,) the position, if it was used; ``rate`` (n,) are velocities, of which those of joint j
+    begin at ``starts[j]``; ``speed`` is the greatest so far and ``resting`` that of a system at rest. Returns the
+    greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """
     n, least = len(L), _NOTHING * speed
     speed = max(speed * math.exp(-h / _SPEED_MEMORY), resting)
@@ -204,7 +207,7 @@ def note(
         for j in range(2):
             if used:
                 kept = math.exp(-gain[i] / (_SLOWER_FAST if j == 0 else _SLOWER_SLOW))
-                z[j, i] = kept * z[j, i] + (1.0 - kept) * gain[i] * L[i] / h
+                z[j, i] = kept * z[j, i] + (1.0 - kept) * moved[i] / h
                 by_reading = R[i] + min(P[i], R[i])  # not by an unknown start: that is an error, and shown as one
                 variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
             by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])

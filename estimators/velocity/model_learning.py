@@ -64,6 +64,7 @@ class ModelLearning:
         self._touching = 0  # constraints of contacts and limits
         self._waiting: deque[tuple[Array, Array, NDArray[np.bool_]]] = deque(maxlen=_OFTEN + 1)
         self._count: Array | float = 0.0  # (n,) of the samples that are not forgotten
+        self._shares: Array | float = 0.0  # (n,) the sum of their shares
         self._samples, self._next = 0, _SOONEST
         self._limit = float(chdtri(p, _CHANCE))
         self.theta, self.used = np.zeros(p), np.zeros(p)
@@ -134,8 +135,8 @@ class ModelLearning:
         )
         if len(self._waiting) < _OFTEN + 1:
             return None
-        tau, Phi, _ = self._waiting[_OFTEN // 2]
-        clear = np.logical_and.reduce([each for _, _, each in self._waiting])[:, np.newaxis]
+        tau, Phi, share = self._waiting[_OFTEN // 2]
+        clear = np.logical_and.reduce([each > 0.0 for _, _, each in self._waiting])[:, np.newaxis]
         tau, Phi = tau * clear[:, 0], Phi * clear  # the windows of neighbours overlap
         D = self.parameters.prior
         if self._A is None:
@@ -144,6 +145,7 @@ class ModelLearning:
         self._samples += 1
         kept = math.exp(-self._h * len(Y) / _OFTEN / _MEMORY)
         self._count = kept * self._count + clear[:, 0]
+        self._shares = kept * self._shares + share * clear[:, 0]
         self._A *= kept
         self._A += Phi[:, :, np.newaxis] * Phi[:, np.newaxis]
         self._b = kept * self._b + Phi * tau[:, np.newaxis]
@@ -156,7 +158,8 @@ class ModelLearning:
         D, theta = self.parameters.prior, self.theta
         left = self._squares[0] - 2.0 * self._b @ theta + np.einsum("j,ijk,k->i", theta, self._A, theta)
         spread = np.maximum(left, self._squares[1]) / np.maximum(self._count, 1.0)
-        weight = 1.0 / (_OFTEN * np.maximum(spread, _LEAST))
+        share = self._shares / np.maximum(self._count, 1.0)  # rows of a closed chain repeat each other
+        weight = share / (_OFTEN * np.maximum(spread, _LEAST))
         data = D[:, np.newaxis] * np.tensordot(weight, self._A, 1) * D  # of theta / D
         A = data + np.eye(self._p)
         inverse = np.linalg.inv(A)

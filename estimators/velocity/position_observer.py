@@ -21,6 +21,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
+from mathnavi.estimators.velocity.chain_opening import ChainOpening, residual_of
 from mathnavi.estimators.velocity.gain_covariance import GainCovariance, Residual
 from mathnavi.estimators.velocity.innovation_tests import InnovationTests
 from mathnavi.estimators.velocity.possible import is_covariance, possible_or_lost
@@ -60,6 +61,7 @@ class GatedLaw(ABC):
         self._steps: Array | None = None  # (n,) likewise
         self._closure, self._stepped = closure(mission.system), stepped(mission.system)
         self._errors = GainCovariance(self._manifold.dimension)
+        self._opening = ChainOpening.of(mission.system, mission.period)
         self.residual: Residual | None = None
         self._gains: tuple[float, tuple[float, float, float], tuple[Array, Array, Array]] | None = None
         self.settling = TIME_CONSTANTS / bandwidth
@@ -67,12 +69,15 @@ class GatedLaw(ABC):
     @property
     def state(self) -> Array:
         """State (size + vector_size,) (x, v)."""
-        return self._state
+        if self._opening is None:
+            return self._state
+        return self._opening.added(*np.split(self._state, [self._manifold.size]))
 
     @property
     def deviation(self) -> Array:
         """Standard deviations (2 n,) of position and velocity, by the gains and the noise alone."""
-        return self._errors.deviation
+        known = self._errors.deviation
+        return known if self._opening is None else self._opening.deviation(known)
 
     def start(self, y: Array) -> None:
         """Start at the point y (size,) with v = 0."""
@@ -84,6 +89,8 @@ class GatedLaw(ABC):
         variance = reading_variance(mission, y) if self._variance is None else self._variance
         steps = rounding_steps(mission, y) if self._steps is None else self._steps
         self._errors.start(variance, steps, mission.speed_max)
+        if self._opening is not None:
+            self._opening.start(variance, steps)
         self.residual = None
 
     def learn(self, variance: Array, steps: Array) -> None:
@@ -91,11 +98,15 @@ class GatedLaw(ABC):
         self._variance, self._steps = variance, steps
         self._gate.learn(variance)
         self._errors.learn(variance, steps)
+        if self._opening is not None:
+            self._opening.learn(variance, steps)
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Predict over h [s] with u (nu,) held."""
         self._predict(h, u)
         self._errors.predict(h, None if self._stepped is None else self._stepped.constraint_acceleration)
+        if self._opening is not None:
+            self._opening.predict(h)
 
     def correct(self, y: Array, h: float) -> bool:
         """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
@@ -109,7 +120,10 @@ class GatedLaw(ABC):
         if L is None or not good:
             self.start(y)
             return True
-        L = L if self._closure is None else self._closure.tangent(x, L)
+        whole, opened = L, None
+        if self._opening is not None and self._closure is not None:
+            L = self._closure.tangent(x, whole)
+            opened = self._opening.correct(x, whole - L, manifold.components(x, v), h)
         if self._gains is None or self._gains[0] != h:
             weights = self._weights(h)
             alpha, beta, gamma = (np.full(manifold.dimension, each) for each in weights)
@@ -117,7 +131,7 @@ class GatedLaw(ABC):
         _, weights, gains = self._gains
         self._state = self._corrected(x, v, L, weights)
         self._errors.correct(L, gains, manifold.components(x, v), h)
-        self.residual = Residual(L, self._errors.predicted, gains[0])
+        self.residual = residual_of(L, self._errors.predicted, gains[0], opened)
         self._y = y
         return True
 

@@ -9,8 +9,9 @@ while the observer runs. Of every joint
 
 where r is the reading less the cubic through the four before it, with weights w_i (c = 70 for readings that are evenly
 spaced), and L the innovation. A smooth motion and the errors of the model add to either; neither is smaller than the
-noise. The variance is then the larger of sigma^2 and Delta^2 / 12. It is known after fifty readings, if each joint has
-changed ten times, or three times by the same, or has not changed for fifty readings.
+noise. The variance is then the larger of sigma^2 and Delta^2 / 12. A joint that stands shows no step: its encoder is
+taken to be as coarse as the coarsest of the others, of hinges or of slides if one of them has moved. All is known after
+fifty readings, if each joint has changed ten times, or three times by the same, or has not changed for fifty readings.
 
 What a mission declares is tested instead: the smaller of r / sqrt(c R) and L / sqrt(R), of every fifth reading, which
 are independent, by the windowed tests of energy (``mathnavi.estimators.integrity.windows``). R is the variance of noise
@@ -76,6 +77,12 @@ class EncoderSteps:
         known: Flags = seen | (self._still >= _FEWEST)
         return known
 
+    @property
+    def standing(self) -> Flags:
+        """True (k,) for a joint that has not changed since the beginning."""
+        standing: Flags = np.isinf(self._still)
+        return standing
+
     def read(self, changes: Array) -> None:
         """Take the changes (k,) of the joints from one reading to the next."""
         _refine(
@@ -95,6 +102,7 @@ class ReadingErrors:
         scalars = manifold.scalars if isinstance(manifold, MechanismManifold) else ()
         self._places = np.array([each.place for each in scalars], dtype=np.intp)
         self._coordinates = np.array([each.coordinate for each in scalars], dtype=np.intp)
+        self._hinges = np.array([each.hinge for each in scalars], dtype=np.bool_)
         self._encoders = EncoderSteps(len(scalars))
         self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
         self._smooth, self._predicted = np.zeros(n), np.zeros(n)  # means of r^2 / c and of L^2
@@ -197,7 +205,7 @@ class ReadingErrors:
         if self._innovations >= _FEWEST:
             variance = np.minimum(variance, self._predicted)
         steps = np.zeros(len(variance))
-        steps[self._coordinates] = self._encoders.steps
+        steps[self._coordinates] = self._assumed_steps()
         variance = np.maximum(variance, np.square(steps) / 12.0)
         variance[self._coordinates[~self._encoders.known]] = 0.0
         ratio = (variance + _LEAST**2) / (self.variance + _LEAST**2)
@@ -206,6 +214,14 @@ class ReadingErrors:
             return False
         self.variance, self.steps = variance, steps
         return True
+
+    def _assumed_steps(self) -> Array:
+        """Steps (k,) of the encoders: those found, and of a joint that stands those of the others."""
+        steps, standing = self._encoders.steps.copy(), self._encoders.standing
+        for kind in (self._hinges, ~self._hinges):
+            alike = float(steps[kind].max(initial=0.0))
+            steps[standing & kind] = alike or float(steps.max(initial=0.0))
+        return steps
 
     def _test(self, y: Array, r: Array, L: Array) -> None:
         """Test what is declared by every fifth reading."""

@@ -127,7 +127,9 @@ class Closure(Protocol):
     """Constraints within a system, by which its positions and velocities are fewer than its coordinates."""
 
     def tangent(self, x: Array, c: Array) -> Array:
-        """Displacement or velocity, in components (n,), that is allowed at x (size,), the nearest to c (n,)."""
+        """Displacement or velocity, in components (n,), that is allowed at x (size,), the nearest to c (n,), or those
+        of the columns of c (n, k).
+        """
         ...
 
     def nearest(self, x: Array) -> Array:

@@ -9,19 +9,31 @@ it causes are those of no motion. What is read is therefore projected onto what 
 
 where ^+ is the pseudoinverse: of a planar linkage, a third of the rows says nothing. The metric is that of the
 encoders, which err alike, and not that of the masses: by it, the error of a heavy link would move the light ones.
+
+**J is that of a chain that is closed.** MuJoCo takes the two points that a connection joins each where it is. While
+they are r apart, a joint on which both of them ride, as those of an arm that carries a gripper, turns r, and so has an
+entry of about |r| in J, in the directions too in which a planar linkage has no other: a row of J that says nothing but
+that the arm stands. Where the chain is closed these entries are none, and they are left out.
 """
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.mechanism.geometry import evaluated
+
+Flags = NDArray[np.bool_]
 
 _CLOSING = tuple(int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in ("CONNECT", "WELD", "JOINT", "TENDON"))
 _STEPS = 6  # of ``nearest``
-_DEPENDENT = 1e-9  # of the greatest eigenvalue of J J', below which rows say nothing
+_AT_BODIES = tuple(int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in ("CONNECT", "WELD"))
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+_DEPENDENT = 1e-6
+"""share of the greatest eigenvalue of J J', of rows of length 1, below which rows say nothing: axes of files and chains
+that are a bit open are off by less than a thousandth"""
 
 
 class ClosedChains:
@@ -35,6 +47,7 @@ class ClosedChains:
         self._model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         self._data = mujoco.MjData(self._model)
         self._data.eq_active[:] &= np.isin(model.eq_type, _CLOSING)
+        self._common = common_joints(model)
 
     @staticmethod
     def of(model: mujoco.MjModel) -> ClosedChains | None:
@@ -44,7 +57,9 @@ class ClosedChains:
         return None if switched_off or not closing.any() else ClosedChains(model)
 
     def tangent(self, q: Array, c: Array) -> Array:
-        """Displacement or velocity (nv,) that the chains allow at q (nq,), the nearest to c (nv,)."""
+        """Displacement or velocity (nv,) that the chains allow at q (nq,), the nearest to c (nv,), or those (nv, k)
+        that are the nearest to the columns of c (nv, k).
+        """
         J, across, _ = self._rows(q)
         allowed: Array = c - across @ (J @ c)
         return allowed
@@ -68,5 +83,49 @@ class ClosedChains:
         data.qpos[:], data.qvel[:] = q, 0.0
         mujoco.mj_fwdPosition(model, data)
         m, n = int(data.ne), model.nv
-        J, r = data.efc_J[: m * n].reshape(m, n).copy(), data.efc_pos[:m].copy()
-        return J, J.T @ np.linalg.pinv(J @ J.T, rcond=_DEPENDENT, hermitian=True), r
+        of = data.efc_id[:m]
+        J = closed_jacobian(data.efc_J[: m * n].reshape(m, n), of, self._common)
+        scale = lengths_of(J, of)
+        J, r = J / scale[:, np.newaxis], data.efc_pos[:m] / scale
+        return J, pseudoinverse(J), r
+
+
+def common_joints(model: mujoco.MjModel) -> Flags:
+    """True (neq, nv) for degrees of freedom on which both of the points ride that an equality connects or welds."""
+    moves = np.zeros((model.nbody, model.nv), dtype=np.bool_)
+    for body in range(1, model.nbody):  # parents come first
+        moves[body] = moves[model.body_parentid[body]]
+        first = int(model.body_dofadr[body])
+        moves[body, first : first + int(model.body_dofnum[body])] = True
+    common = np.zeros((model.neq, model.nv), dtype=np.bool_)
+    for i in np.flatnonzero(np.isin(model.eq_type, _AT_BODIES)):
+        ends = [int(model.eq_obj1id[i]), int(model.eq_obj2id[i])]
+        one, other = (int(model.site_bodyid[end]) for end in ends) if model.eq_objtype[i] == _SITE else ends
+        common[i] = moves[one] & moves[other]
+    return common
+
+
+def closed_jacobian(J: Array, of: Integers, common: Flags) -> Array:
+    """J (m, nv) of equalities ``of`` (m,), without the entries that they have only as long as they are not closed;
+    ``common`` (neq, nv) are those of ``common_joints``.
+    """
+    closed: Array = np.where(common[of], 0.0, J)
+    return closed
+
+
+def lengths_of(J: Array, of: Integers) -> Array:
+    """Lengths (m,) of the longest row of J (m, nv) of each row's equality ``of`` (m,); 1 where all are zero.
+
+    By them metres and radians are compared, and a row that says nothing beside the others of its equality stays short.
+    """
+    lengths = np.linalg.norm(J, axis=1)
+    longest = np.zeros(int(of.max(initial=-1)) + 1)
+    np.maximum.at(longest, of, lengths)
+    found: Array = np.where(longest[of] > 0.0, longest[of], 1.0)
+    return found
+
+
+def pseudoinverse(J: Array) -> Array:
+    """J^+ (nv, m) of J (m, nv) without what rows repeat."""
+    across: Array = J.T @ np.linalg.pinv(J @ J.T, rcond=_DEPENDENT, hermitian=True)
+    return across

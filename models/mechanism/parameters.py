@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.mechanism.closed_chains import closed_jacobian, common_joints, lengths_of, pseudoinverse
 from mathnavi.models.mechanism.geometry import evaluated
 from mathnavi.models.mechanism.implicit_step import ImplicitStep
 
@@ -37,12 +38,13 @@ Flags = NDArray[np.bool_]
 _FIXED, _AFFINE_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtGain.mjGAIN_AFFINE)
 _UNBIASED, _AFFINE_BIAS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _FRICTION_ROWS = tuple(int(getattr(mujoco.mjtConstraint, f"mjCNSTR_FRICTION_{of}")) for of in ("DOF", "TENDON"))
-_DEPENDENT = 1e-9  # of the greatest eigenvalue of J J', below which rows say nothing
 _ON_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 _SHARE = 0.3  # standard deviation of a share before anything is known
 _DAMPING, _FRICTION = 5.0, 1.0  # [1/s], [rad/s^2, m/s^2] times the inertia of a joint: those of damping and friction
 _STANDING = 0.02  # [rad/s, m/s] v_0
 _NEAR = 0.75  # of a force range
+_DEPENDENT = 1e-6  # share below which a joint is not free
+_BESIDE = 1e-3  # of its range, from a limit, within which a joint may touch it, by readings with errors
 _NOTHING = 1e-12
 _LEAST, _MOST = 0.1, 10.0  # of a nominal gain or load
 
@@ -52,7 +54,7 @@ class LackingTorque(NamedTuple):
 
     torque: Array  # (nv,) [N m, N]
     effect: Array  # (nv, p) Phi
-    clear: Flags  # (nv,) whether no actuator of the joint is near the end of its force
+    share: Array  # (nv,) of each torque that says something: 0 where an actuator is near the end of its force
 
 
 class MechanismParameters:
@@ -63,7 +65,9 @@ class MechanismParameters:
         self._model.opt.jacobian = int(mujoco.mjtJacobian.mjJAC_DENSE)
         self._model.actuator_forcelimited[:] = 0
         self._model.jnt_actfrclimited[:] = 0
+        self._model.jnt_margin[:] += _BESIDE * np.diff(model.jnt_range)[:, 0] * (model.jnt_limited != 0)
         self._data = mujoco.MjData(self._model)
+        self._common = common_joints(model)
         self._link = int(model.jnt_bodyid[-1])
         self._load_model = evaluated(model)
         others = np.arange(model.nbody) != self._link
@@ -121,10 +125,16 @@ class MechanismParameters:
         torque, effect = data.qfrc_inverse - data.qfrc_actuator, self._effect(moment, (q, v, a, u))
         holds = np.flatnonzero(~np.isin(data.efc_type[: data.nefc], _FRICTION_ROWS))
         if not len(holds):
-            return LackingTorque(torque, effect, clear)
-        J = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)[holds]
-        T = np.eye(model.nv) - J.T @ np.linalg.pinv(J @ J.T, rcond=_DEPENDENT, hermitian=True) @ J
-        return LackingTorque(T @ torque, T @ effect, clear)
+            return LackingTorque(torque, effect, clear.astype(np.float64))
+        J, of = data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv).copy(), data.efc_id[: data.nefc]
+        equal, m = slice(0, data.ne), data.ne  # equalities come first
+        J[equal] = closed_jacobian(J[equal], of[equal], self._common)
+        J[equal] /= lengths_of(J[equal], of[equal])[:, np.newaxis]
+        J[m:] /= np.maximum(np.linalg.norm(J[m:], axis=1), _NOTHING)[:, np.newaxis]
+        J = J[holds]
+        T = np.eye(model.nv) - pseudoinverse(J) @ J
+        share = np.diag(T)
+        return LackingTorque(T @ torque, T @ effect, np.where(share > _DEPENDENT, share * clear, 0.0))
 
     def _clear(self, moment: Array, torque: Array) -> Flags:
         """True (nv,) for a joint unless, by the ``torque`` (nv,) that moves the mechanism, an actuator acts on it whose

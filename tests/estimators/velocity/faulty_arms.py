@@ -19,12 +19,17 @@ BITS = 14
 LASTING = 0.25  # [s] for which an estimate is wrong before it counts
 
 
-def faulty(model: mujoco.MjModel, gain: float = 1.0, friction: float = 0.0, load: float = 1.0) -> mujoco.MjModel:
-    """The model with the position gains (or those of motors) times ``gain``, more friction [N m] and a load."""
+def faulty(
+    model: mujoco.MjModel, gain: float = 1.0, friction: float = 0.0, load: float = 1.0, damping: float = 1.0
+) -> mujoco.MjModel:
+    """The model with the position gains (or those of motors) times ``gain``, more friction [N m], a load, and the
+    damping times ``damping``.
+    """
     other = heavier(model, load)
     other.actuator_gainprm[:, 0] *= gain
     other.actuator_biasprm[:, 1] *= gain
     other.dof_frictionloss[:] += friction
+    other.dof_damping[:] *= damping
     return other
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -14,6 +15,7 @@ from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.closed_chains import ClosedChains
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.plugin.registry import load
+from tests.estimators.velocity.faulty_arms import observed
 
 CRANK, COUPLER, ROCKER, BASE = 0.2, np.array([0.5, 0.1]), 0.3, 0.5  # [m]
 LINKAGE = """<mujoco><option timestep="0.002"/><default><geom contype="0" size=".01"/><joint axis="0 1 0"/></default>
@@ -139,3 +141,47 @@ def test_observers_of_a_linkage_keep_to_what_it_allows(method: str, better: floa
             opening = max(float(np.abs(slope(each[:3]) @ each[3:]).max()) for each in x[500::50])
     assert errors[method] < errors["filtered_differences"] / better
     assert opening < 0.1 * errors["filtered_differences"]
+
+
+CARRIED = """<mujoco><option timestep="0.002" integrator="implicitfast"/><default><geom contype="0" conaffinity="0"
+  size=".01"/><joint axis="0 1 0" damping=".1" armature=".005" frictionloss=".2"/></default>
+<worldbody><body><joint name="turn" axis="0 0 1" damping="5" armature=".1"/>
+  <geom type="capsule" fromto="0 0 0 .3 0 0" mass="2"/>
+  <body pos=".3 0 0"><joint name="lift" damping="5" armature=".1"/>
+    <geom type="capsule" fromto="0 0 0 .2 0 0" mass="1"/>
+    <body pos=".2 0 0"><joint name="crank"/><geom type="capsule" fromto="0 0 0 0 0 .04" mass=".1"/>
+      <body name="coupler" pos="0 0 .04"><joint name="coupler"/>
+        <geom type="capsule" fromto="0 0 0 .1 0 .02" mass=".1"/></body></body>
+    <body name="rocker" pos=".3 0 0"><joint name="rocker"/>
+      <geom type="capsule" fromto="0 0 0 0 0 .06" mass=".1"/></body></body></body></worldbody>
+<equality><connect body1="rocker" body2="coupler" anchor="0 0 .06" solref=".01 1"/></equality>
+<tendon><fixed name="drive"><joint joint="crank" coef=".5"/><joint joint="rocker" coef=".5"/></fixed></tendon>
+<actuator><general joint="turn" biastype="affine" gainprm="1000" biasprm="0 -1000 -100"/>
+  <general joint="lift" biastype="affine" gainprm="1000" biasprm="0 -1000 -100"/>
+  <general tendon="drive" biastype="affine" gainprm="100" biasprm="0 -100 -10"/></actuator></mujoco>"""
+
+
+def test_a_chain_that_is_a_bit_open_does_not_hold_the_arm_that_carries_it() -> None:
+    chains = ClosedChains.of(mujoco.MjModel.from_xml_string(CARRIED))
+    assert chains is not None
+    rng = np.random.default_rng(4)
+    for _ in range(10):
+        q = chains.nearest(np.append(rng.standard_normal(2), 0.05 * rng.standard_normal(3)))
+        for arm in np.eye(5)[:2]:
+            np.testing.assert_allclose(chains.tangent(q + 1e-3 * rng.standard_normal(5), arm), arm, atol=1e-9)
+        tangent = np.stack([chains.tangent(q + 1e-3 * rng.standard_normal(5), e) for e in np.eye(5)], axis=1)
+        assert np.trace(tangent) == pytest.approx(3.0, abs=1e-3)  # the arm's two joints, and the linkage's one
+
+
+@pytest.mark.parametrize("fault", [{}, {"gain": 0.8}, {"gain": 1.2}, {"damping": 2.0}, {"friction": 0.2}], ids=str)
+def test_a_servo_within_a_chain_whose_gain_is_off_is_told_and_does_not_spoil_the_arm(
+    fault: dict[str, float], tmp_path: Path
+) -> None:
+    file = tmp_path / "carried.xml"
+    file.write_text(CARRIED, encoding="utf-8")
+    watched = observed(str(file), "riemannian_observer", 2.0, **fault)
+    settled = slice(round(1.0 / watched.period), None)
+    assert not watched.sure_and_wrong
+    assert np.sqrt(np.mean(np.square(watched.error[settled, :2]))) < 1e-3
+    if not fault:
+        assert watched.ok[settled].all()

@@ -1,7 +1,8 @@
 """How well readings fit a map of a building: how many it does not explain, and how long an error of it lasts.
 
 What stands there and is not on the map makes misfits (``wall_choice_kernels``): while a third of the recent ranges are
-misfits, a pose that fits the others is not to be relied on. What the map is wrong by stays from one scan to the next,
+misfits, a pose that fits the others is not to be relied on, and while two thirds are, a search does better to begin
+again. What the map is wrong by stays from one scan to the next,
 which a filter takes for independent: with the correlation r of the residuals of a ray with those before, the covariance
 of its estimate is that of an autoregressive error of first order, (1 + r) / (1 - r) times the filter's.
 """

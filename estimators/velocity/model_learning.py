@@ -26,7 +26,6 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mathnavi.interfaces.signals import Array
@@ -62,7 +61,7 @@ class ModelLearning:
             np.zeros((2, 0)),
         )  # sums of Phi_j' tau_j, and of tau_j^2 and its error
         self._touching = 0  # constraints of contacts and limits
-        self._waiting: deque[tuple[Array, Array, NDArray[np.bool_]]] = deque(maxlen=_OFTEN + 1)
+        self._waiting: deque[tuple[Array, Array, Array]] = deque(maxlen=_OFTEN + 1)
         self._count: Array | float = 0.0  # (n,) of the samples that are not forgotten
         self._shares: Array | float = 0.0  # (n,) the sum of their shares
         self._samples, self._next = 0, _SOONEST

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
@@ -183,9 +182,9 @@ class UncertainParameters(Protocol):
         """Inputs (nu,) within their ranges."""
         ...
 
-    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def lacking(self, q: Array, v: Array, a: Array, u: Array) -> tuple[Array, Array, Array]:
         """Torque (n,) that the system lacks at q, v and a (n,) with u (nu,) of ``delay`` later, what parameters add to
-        it (n, p), and in which components (n,) that is true.
+        it (n, p), and the share (n,) of each component that says something, 0 where it says nothing.
         """
         ...
 

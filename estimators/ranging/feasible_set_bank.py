@@ -28,7 +28,8 @@ the best from then on. If there is none, the robot was carried away, or no hypot
 are made from the last readings, and compete with the old one.
 
 **Buildings.** Within a polygon a ray may end on one of several walls (``wall_choice_kernels``), and the map may lack
-what stands there, or be wrong (``map_fit``).
+what stands there, or be wrong (``map_fit``): there a search that explains less than a third of the recent readings
+begins again, for to a wrong pose they are all outliers, and its misfit stays small.
 """
 
 from __future__ import annotations

@@ -86,6 +86,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--beacons.places 1 2", ["--beacons.places", "1 2", "3 values: place X Y Z"]),
         ("--beacons.places 1 2 3", ["--beacons.places", "full_state", "allowed", "kalman"]),
         ("--beacons.range-noise -1", ["--beacons.range-noise", "-1.0", ">= 0"]),
+        ("--beacons.read bearing", ["--beacons.read = bearing", "allowed: ranges,bearings,range-differences\n"]),
         ("--faults.beacons 0", ["--faults.beacons", "0 beacons", "allowed: none"]),
         ("--seed -1", ["--seed", "-1", "from 0 to 9223372036854775807"]),
         ("--terrain atlantis", ["terrain", "atlantis", "jacksboro", "tian_shan", ".npz"]),

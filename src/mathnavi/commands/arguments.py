@@ -351,7 +351,9 @@ def _wanted(field: FieldDescription) -> str:
 
 def _explained(field: FieldDescription) -> str:
     """Return the allowed values, for the message if one is wrong: the type, or number and meanings of the values."""
-    name = field.value_name.strip("{}")
+    name = field.value_name
+    if name.startswith("{"):
+        name = name.removesuffix("...").strip("{}")
     count = len(name.split())
     if count == 1:
         return name

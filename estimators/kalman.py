@@ -19,14 +19,15 @@ each other: then the filter is wrong. If the last fixes together are unlikely, t
 declared, or the fixes are not of their time: the estimate is DEGRADED, or LOST, and its covariance is that of the
 filter, scaled up accordingly (see ``integrity.innovations``).
 
-Of a mission with beacons it reads ranges to them instead, or both (``beacons.flight``).
+Of a mission with beacons it reads ranges to them instead, or both (``beacons.flight``), and finds the places of those
+at unknown places (``beacons.flight_places``).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -77,7 +78,16 @@ class Kalman:
             return Kalman(config, mission)
         from mathnavi.estimators.beacons.flight import guarded  # takes a while to import
 
-        return guarded(config, mission)
+        beacons = mission.beacons
+        if not beacons.unknown:
+            return guarded(config, mission)
+        from mathnavi.estimators.beacons.flight_places import PlacedFlight, check_carried
+
+        check_carried(config, beacons)
+        told = replace(mission, beacons=beacons.known)
+        by_fixes = KalmanConfig(**{each.name: getattr(config, each.name) for each in fields(config) if each.name not in OF_BEACONS})
+        carrier = Kalman(by_fixes, told) if told.beacons is None else guarded(config, told)
+        return PlacedFlight(carrier, config, mission, beacons)
 
     @staticmethod
     def sensors(config: KalmanConfig, mission: FlightMission) -> tuple[Sensor, ...]:
@@ -98,14 +108,19 @@ class Kalman:
         of both.
         """
         by_ranges = None
+        if mission.beacons is not None and mission.beacons.unknown:
+            from mathnavi.estimators.beacons.flight_places import check_carried
+
+            check_carried(config, mission.beacons)
+            mission = replace(mission, beacons=mission.beacons.known)  # what it has from the start
+        elif mission.beacons is None:
+            _check_without_beacons(config)
         if mission.beacons is not None:
             from mathnavi.estimators.beacons.flight_quality import quality
 
             by_ranges = quality(config, mission)
             if not config.fixes:
                 return by_ranges
-        else:
-            _check_without_beacons(config)
         model = AxisModel.from_config(config, mission)
         interval = longest_gap(1.0 / mission.position_rate, mission.dropout_rate, config.timeout)
         F, _, Q = model.discretised(interval)
@@ -146,6 +161,11 @@ class Kalman:
         return Estimate(
             t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix") or self._monitor.message
         )
+
+    @property
+    def moments(self) -> tuple[Array, Array]:
+        """State (p, v, g) (9,) of the filter and its covariance (9, 9)."""
+        return self._x.ravel().copy(), np.asarray(np.kron(self._monitor.inflation * self._P, _EYE), np.float64)
 
     def _covariance(self) -> Array:
         """Covariance (6, 6) [m, m/s] of position and velocity: that of an axis, symmetric, on each of the three."""

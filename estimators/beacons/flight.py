@@ -242,6 +242,11 @@ class FlightBeaconFilter:
             side.condition(PH, nu, S)
         return square
 
+    @property
+    def moments(self) -> tuple[Array, Array] | None:
+        """State (p, v, g) (9,) of the filter and its covariance (9, 9); None where it may be on either of two sides."""
+        return None if self._other is not None else (self._now.x.copy(), self._now.P.copy())
+
     # ---- what is not known
 
     def _is_lost(self) -> bool:

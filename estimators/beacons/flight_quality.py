@@ -82,7 +82,7 @@ def airspace(mission: FlightMission) -> Array:
     Ends that are not known yet are not part of it.
     """
     terrain, places = mission.terrain, [*beacons_of(mission).places, mission.start, mission.target]
-    known = np.array([place[:2] for place in places if all(map(math.isfinite, place))])
+    known = np.array([place[:2] for place in places if place is not None and all(map(math.isfinite, place))])
     low, high = (np.clip(each, 0.0, (terrain.width, terrain.depth)) for each in (known.min(axis=0), known.max(axis=0)))
     x, y = (np.linspace(low[axis], high[axis], _GRID) for axis in (0, 1))
     east, north = (each.ravel() for each in np.meshgrid(x, y))

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -33,9 +33,9 @@ from mathnavi.models.terrain.height_field import HeightField
 _LEAST_NOISE = 1e-3  # [m]
 SpatialPlace = tuple[float, float, float]
 SpatialPlaces = Annotated[
-    tuple[SpatialPlace, ...],
+    tuple[SpatialPlace | None, ...],
     Condition(bool, "one beacon or more"),
-    Each(Condition(lambda place: all(map(math.isfinite, place)), "three finite numbers")),
+    Each(Condition(lambda place: place is None or all(map(math.isfinite, place)), "three finite numbers, or None")),
 ]
 
 
@@ -43,11 +43,12 @@ SpatialPlaces = Annotated[
 class FlightBeacons:
     """Beacons at ``places`` (n, 3) [m] in the map frame, what is read of them, and the declared errors.
 
-    Raises MissionError for two beacons at one place, if nothing is read, and for range differences to fewer than two
-    beacons.
+    A place that is None is not known: an estimator has to find it by ranges. Raises MissionError for two beacons at one
+    place, if nothing is read, for range differences to fewer than two beacons, and for anything but ranges of beacons
+    at unknown places.
     """
 
-    places: SpatialPlaces  # (n, 3) [m] map frame
+    places: SpatialPlaces  # (n, 3) [m] map frame; None: not known
     noise: NonNegative = 1.0  # [m] standard deviation of a range, and of each of the two arrivals of a difference
     rate: Positive = 10.0  # [Hz] at which all are read
     maximum: Positive | None = None  # [m] greatest range, beyond which there is no return; None: no limit
@@ -58,12 +59,26 @@ class FlightBeacons:
     bearing_noise: NonNegative = 0.02  # [rad] standard deviation of an azimuth and of an elevation
 
     def __post_init__(self) -> None:
-        if len(set(self.places)) < len(self.places):
+        known = [place for place in self.places if place is not None]
+        if len(set(known)) < len(known):
             raise MissionError(f"beacons: places = {self.places!r} holds one place twice; allowed: different places")
         if not self.read:
             raise MissionError(f"beacons: read is empty; allowed: {', '.join(SENSORS)}")
         if "range-differences" in self.read and len(self.places) < 2:
             raise MissionError("beacons: range differences to one beacon; allowed: two beacons or more")
+        if self.unknown and self.read != ("ranges",):
+            raise MissionError(f"beacons: unknown places with read = {self.read!r}; allowed: ranges alone")
+
+    @property
+    def unknown(self) -> tuple[int, ...]:
+        """Numbers of the beacons at places that are not known."""
+        return tuple(i for i, place in enumerate(self.places) if place is None)
+
+    @property
+    def known(self) -> FlightBeacons | None:
+        """The beacons at known places alone; None if there is none."""
+        places = tuple(place for place in self.places if place is not None)
+        return replace(self, places=places) if places else None
 
     @property
     def sensor_names(self) -> tuple[str, ...]:
@@ -72,13 +87,13 @@ class FlightBeacons:
 
     @property
     def array(self) -> Array:
-        """Places (n, 3) [m]."""
-        return np.array(self.places, dtype=np.float64)
+        """Places (n, 3) [m], NaN for one that is not known."""
+        return np.array([(math.nan,) * 3 if place is None else place for place in self.places], dtype=np.float64)
 
     @property
     def longest(self) -> float:
         """Range [m] up to which an outlier may be."""
-        places = self.array
+        places = np.array([place for place in self.places if place is not None] or [(0.0, 0.0, 0.0)])
         widest = float(np.linalg.norm(np.ptp(places, axis=0)))
         return self.maximum or max(widest, 1.0)
 
@@ -235,7 +250,7 @@ class FailingBeacons:
         reading, failing = self._sensor.read(motion, rng), self._failing
         t = 0.0 if self.rate is None else self._count / self.rate
         self._count += 1
-        first = math.dist(motion.x[:3].tolist(), self._sensor.beacons.places[0])
+        first = math.dist(motion.x[:3].tolist(), self._sensor.beacons.array[0].tolist())
         if t < self._begin:
             self._held, self._arrival = np.where(np.isfinite(reading), reading, self._held), first
             return reading

@@ -26,3 +26,12 @@ def check_beacons(fields: Any) -> None:
         if value != each.default:
             allowed = f"with beacons.places, or {each.default!r}"
             raise FieldError(f"beacons.{each.name} = {value!r} without beacons.places; allowed: {allowed}")
+
+
+def check_unknown(fields: Any) -> None:
+    """Raise FieldError for unknown places of beacons that there are not, or named twice."""
+    if len(set(fields.unknown)) < len(fields.unknown) or any(i >= len(fields.places) for i in fields.unknown):
+        raise FieldError(
+            f"beacons.unknown = {fields.unknown!r} with {len(fields.places)} places; "
+            "allowed: different numbers of places, from 0"
+        )

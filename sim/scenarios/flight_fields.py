@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import field
 from typing import Annotated, Literal
@@ -26,7 +27,7 @@ from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
 from mathnavi.models.beacon_names import BeaconKind
 from mathnavi.models.terrain.library import TerrainPlace
 from mathnavi.sim.records.missions import Point
-from mathnavi.sim.scenarios.beacon_fields import check_beacons
+from mathnavi.sim.scenarios.beacon_fields import check_beacons, check_unknown
 from mathnavi.sim.scenarios.fault_fields import LARGEST, BeaconFaults, Magnitude, PositiveMagnitude, SafeFlightFaults
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 from mathnavi.sim.scenarios.redraw import ChanceFields
@@ -67,10 +68,13 @@ class FlightNoise:
 
 @configuration(prefix="beacons.")
 class FlightBeaconFields:
-    """Beacons at known places, which the estimator kalman reads in place of position fixes."""
+    """Beacons, which the estimator kalman reads in place of position fixes, or beside them."""
 
     places: Annotated[tuple[FinitePoint, ...], Each(BEACON_PLACE)] = ()
     """place X Y Z of a beacon [m] on the map; may be given several times"""
+    unknown: Annotated[tuple[int, ...], Each(Ge(0))] = ()
+    """number of a beacon, from 0 in the order of the places, whose place the estimator is not given; may be given
+    several times"""
     read: Annotated[tuple[BeaconKind, ...], TOGETHER] = ("ranges",)
     """readings of each beacon: ranges, bearings, range differences to the first, or several of these"""
     range_noise: Magnitude = 1.0
@@ -90,9 +94,23 @@ class FlightBeaconFields:
 
     def __post_init__(self) -> None:
         check_beacons(self)
+        check_unknown(self)
+        if self.unknown and self.read != ("ranges",):
+            raise FieldError(
+                f"beacons.unknown = {self.unknown!r} with beacons.read = {self.read!r}; allowed: ranges alone, by "
+                "which places are found"
+            )
+
+    def told(self) -> FlightBeacons | None:
+        """Beacons as a mission declares them to an estimator; None without any."""
+        true = self.declared()
+        if true is None or not self.unknown:
+            return true
+        given = tuple(None if i in self.unknown else place for i, place in enumerate(self.places))
+        return dataclasses.replace(true, places=given)
 
     def declared(self) -> FlightBeacons | None:
-        """Beacons as a mission declares them; None without any."""
+        """Beacons at their true places; None without any."""
         if not self.places:
             return None
         return FlightBeacons(

@@ -136,6 +136,8 @@ def mission_but_ends(
 def _check_sight(beacons: FlightBeacons, terrain: HeightField) -> None:
     """MissionError for a beacon that needs sight and can never be seen: below the ground, or off the map."""
     for place in beacons.places if beacons.line_of_sight else ():
+        if place is None:
+            continue
         ground = float(terrain.height(place[0], place[1]))
         if not place[2] >= ground - SIGHT_TOLERANCE:
             where = "off the map" if math.isnan(ground) else f"below the ground, which is at {ground:.1f} m"

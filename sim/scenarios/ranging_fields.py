@@ -34,7 +34,7 @@ from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
-from mathnavi.sim.scenarios.beacon_fields import check_beacons
+from mathnavi.sim.scenarios.beacon_fields import check_beacons, check_unknown
 from mathnavi.sim.scenarios.fault_fields import Factor
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
@@ -168,11 +168,7 @@ class BeaconFields:
 
     def __post_init__(self) -> None:
         check_beacons(self)
-        if len(set(self.unknown)) < len(self.unknown) or any(i >= len(self.places) for i in self.unknown):
-            raise FieldError(
-                f"beacons.unknown = {self.unknown!r} with {len(self.places)} places; "
-                "allowed: different numbers of places, from 0"
-            )
+        check_unknown(self)
         if self.unknown and "ranges" not in self.read:
             raise FieldError(
                 f"beacons.unknown = {self.unknown!r} with beacons.read = {self.read!r}; "

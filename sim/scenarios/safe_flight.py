@@ -89,7 +89,10 @@ class SafeFlight:
 
         assurance = FlightAssurance.for_mission(parts, mission)
         stack = parts.stack(mission, AccelerationSensor(), assurance=assurance)
-        setup = VehicleSetup(mission.start_state, stack.sensors, mission.acceleration_max)
+        sensors = stack.sensors
+        if config.beacons.unknown:  # their sensors know where they are
+            sensors = parts.sensors(dataclasses.replace(mission, beacons=config.beacons.declared()), AccelerationSensor())
+        setup = VehicleSetup(mission.start_state, sensors, mission.acceleration_max)
         model = _model(flight.mission.terrain, mission.acceleration_max)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
         messages = [*config.messages(mission.terrain, duration), *flight.track.messages(config.report_period)]
@@ -163,7 +166,7 @@ def summarise(
 def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission, Plan]:
     """Mission as known at the start, and its first plan."""
     charted = map_of(config)
-    radars, beacons = config.radars_at(0.0, charted), config.beacons.declared()
+    radars, beacons = config.radars_at(0.0, charted), config.beacons.told()
     bare = mission_but_ends(config, charted, parts.estimator, radars, beacons)
 
     plans = FirstPlans(parts)
@@ -181,7 +184,8 @@ def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission,
 
 def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> TrueFlight:
     """Flight over the true ground; MissionError if start, target or the target's path is too near to it."""
-    true = dataclasses.replace(mission, terrain=config.ground(mission.terrain))
+    beacons = config.beacons.declared()
+    true = dataclasses.replace(mission, terrain=config.ground(mission.terrain), beacons=beacons)
     track = TargetTrack(mission.target, true.terrain, config.target_path)
     check_above_ground("start", mission.start, true)
     check_above_ground("target", mission.target, true)

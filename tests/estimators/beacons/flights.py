@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.kalman import Kalman
 from mathnavi.interfaces.protocols import Sensor
-from mathnavi.interfaces.signals import Array, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.beacons import FailingBeacons, FlightBeacons
 from mathnavi.models.aerial.dynamics import flow
 from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
@@ -37,6 +37,7 @@ class Flown:
     left_out: Array  # (n, l)
     messages: list[str]
     ratio: Array  # (n, m) innovations over their deviations
+    estimates: list[Estimate]
 
     @property
     def sure_and_wrong(self) -> float:
@@ -68,16 +69,20 @@ def flight(
     config: KalmanConfig | None = None,
     read: tuple[BeaconKind, ...] = ("ranges",),
     angle: float = 0.02,
+    unknown: tuple[int, ...] = (),
+    straight: bool = False,
 ) -> Flown:
     """A flight about its start, ``swing`` [m] up and down; ``sinks`` [m/s] besides that.
 
     ``failing`` is the number of a beacon that fails at 15 s, and its offset [m], None: stuck, with an ``angle`` [rad]
-    of bearings; in the ``gap`` [s] there are no readings.
+    of bearings; in the ``gap`` [s] there are no readings. The estimator is not given the places of the beacons
+    ``unknown``. A flight that is ``straight`` goes 30 m/s east.
     """
     rng = np.random.default_rng(seed)
     start = (*rng.uniform(1500.0, 4500.0, 2).tolist(), height + 50.0 * rng.uniform(-1.0, 1.0))
     beacons = FlightBeacons(places, read=read, bearing_noise=0.002)
-    mission, config = mission_of(beacons, start), config or KalmanConfig()
+    told = replace(beacons, places=tuple(None if i in unknown else place for i, place in enumerate(places)))
+    mission, config = mission_of(told, start), config or KalmanConfig()
     estimator = Kalman.build(config, mission)
     read_by = beacons.sensors(mission.terrain)
     sensors: Sequence[Sensor] = read_by
@@ -86,7 +91,7 @@ def flight(
     gust, keep = mission.gust, math.exp(-PERIOD / mission.gust.time_constant)
     x, g, u = mission.start_state, np.zeros(3), np.zeros(3)
     phases = rng.uniform(0.0, 2.0 * math.pi, 3)
-    rows, messages = [], []
+    rows, messages, estimates = [], [], []
     for k in range(round(duration / PERIOD)):
         t, readings = k * PERIOD, []
         if k % EVERY == 0:
@@ -102,16 +107,19 @@ def flight(
         out = estimate.extra["left_out"]
         rows.append([t, estimate.status is Status.OK, e @ np.linalg.solve(P, e), *e, *out, *ratio])
         messages.append(estimate.message)
+        estimates.append(estimate)
         swings = np.array([900.0, 900.0, swing])
         rates = np.array([0.05, 0.04, 0.08])
         aim = mission.start + swings * (np.sin(rates * t + phases) - np.sin(phases)) - [0.0, 0.0, sinks * t]
+        aim = mission.start + np.array([30.0 * t, 0.0, 0.0]) if straight else aim
         u = np.clip(0.3 * (aim - x[:3]) - x[3:], -20.0, 20.0)
         x = flow(x, u + g * min(1.0, gust.limit / max(float(np.linalg.norm(g)), 1e-9)), PERIOD)
         g = keep * g + gust.rms * math.sqrt(1.0 - keep**2) * rng.standard_normal(3)
     table = np.array(rows)
     n = len(table[0]) - estimate.extra["innovations"].size
     return Flown(
-        table[:, 0], table[:, 1].astype(bool), table[:, 2], table[:, 3:6], table[:, 6:n], messages, table[:, n:]
+        table[:, 0], table[:, 1].astype(bool), table[:, 2], table[:, 3:6], table[:, 6:n], messages, table[:, n:],
+        estimates,
     )
 
 

@@ -1,0 +1,155 @@
+"""The Kalman filter of a flight together with places of beacons: the state (p, v, g, b_1, ..., b_m) (9 + 3 m,).
+
+It starts from a state and a covariance of the flight that knows nothing of the ranges to b_j, and uses each reading
+since then once: fixes, ranges to known places, and ranges y_j = |p - b_j| + n. With d = p - b_j and e = d / |d|,
+
+    H = (e', 0, 0, ..., -e', ...),    P_dd = P_pp + P_bb - P_pb - P_bp,
+
+so the errors of the way and of a place that was found from it are correlated as they are. Before a place is known, its
+ranges are linearised about one that a batch fit has found (``flight_place_fit``), with a prior so wide that it tells
+nothing: the last step of Gauss and Newton's method, about the joint problem. After that, each range is used by the
+second-order extended Kalman filter about the state, as all others are (``flight``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from mathnavi.estimators.beacons.flight_quality import thrice
+from mathnavi.estimators.flight_model import AxisModel
+from mathnavi.estimators.timeout_monitor import time_ahead
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.aerial.beacon_readings import RANGE, BeaconRows, curvature_effects, reading_of
+from mathnavi.models.tolerances import TIME_TOLERANCE
+
+OUTLIER = float(chdtri(1, 1e-9))
+_WIDE = 30.0  # times its range: standard deviation of a place of which nothing is known
+_I3 = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What was read up to a time."""
+
+    t: float  # [s]
+    command: Array  # (3,) [m/s^2] since the step before
+    fixes: Sequence[tuple[float, Array]]  # t [s] and the fix (3,) [m]
+    ranges: Sequence[tuple[float, Array]]  # t [s] and the ranges (n,) [m] to all beacons, NaN for those not to be used
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """What a joint filter assumes of its readings and of the motion."""
+
+    axis: AxisModel
+    rows: BeaconRows | None  # of the beacons at known places
+    known: Sequence[int]  # their numbers
+    fix_variance: float  # [m^2]
+    range_variance: float  # [m^2]
+
+
+class JointFlight:
+    """The filter."""
+
+    def __init__(self, noise: Noise, t: float, x: Array, P: Array, places: dict[int, tuple[Array, float]]) -> None:
+        """Start at t [s] with x (9,) and P (9, 9); ``places`` are those about which ranges are linearised (3,) [m], by
+        the numbers of their beacons, and ranges [m] of them.
+        """
+        self.t, self._noise = t, noise
+        self.numbers = tuple(places)
+        """beacons of the state"""
+        m = len(places)
+        self.about: dict[int, Array] | None = {i: place for i, (place, _) in places.items()}
+        """places about which ranges are linearised; None for those of the state"""
+        self.x: Array = np.concatenate([x, *self.about.values()])
+        self.P: Array = np.zeros((9 + 3 * m, 9 + 3 * m))
+        self.P[:9, :9] = P
+        for j, (_, rho) in enumerate(places.values()):
+            at = slice(9 + 3 * j, 12 + 3 * j)
+            self.P[at, at] = (_WIDE * max(rho, 1.0)) ** 2 * _I3
+        self.log_likelihood = 0.0
+        self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+
+    def place(self, i: int) -> tuple[Array, Array]:
+        """Place (3,) [m] of beacon i and its covariance (3, 3)."""
+        at = self._at(i)
+        return self.x[at].copy(), self.P[at, at].copy()
+
+    def _at(self, i: int) -> slice:
+        j = self.numbers.index(i)
+        return slice(9 + 3 * j, 12 + 3 * j)
+
+    def advance(self, step: Step) -> list[tuple[int, float]]:
+        """Use what was read; return the normalised innovations of the beacons of the state, by their numbers."""
+        found = []
+        events = [(t, 0, value) for t, value in step.fixes] + [(t, 1, value) for t, value in step.ranges]
+        for t, kind, value in sorted(events, key=lambda each: each[:2]):
+            self._predict(t, step.command)
+            if kind == 0:
+                for k in range(3):
+                    H = np.zeros(len(self.x))
+                    H[k] = 1.0
+                    self._condition(H, float(value[k] - self.x[k]), self._noise.fix_variance)
+                continue
+            for row, i in enumerate(self._noise.known):
+                if math.isfinite(value[i]):
+                    self._use_known(row, float(value[i]))
+            found += [(i, self._use_placed(i, float(value[i]))) for i in self.numbers if math.isfinite(value[i])]
+        self._predict(step.t, step.command)
+        return found
+
+    def _predict(self, t: float, command: Array) -> None:
+        h = time_ahead(t, self.t)
+        if h <= TIME_TOLERANCE:
+            return
+        key = round(h, 10)
+        if key not in self._discrete:
+            F, B, Q = self._noise.axis.discretised(h)
+            self._discrete[key] = thrice(F), B, thrice(Q)
+        F, B, Q = self._discrete[key]
+        self.x[:9] = F @ self.x[:9] + np.outer(B, command).ravel()
+        cross = F @ self.P[:9, 9:]
+        self.P[:9, :9] = F @ self.P[:9, :9] @ F.T + Q
+        self.P[:9, 9:], self.P[9:, :9] = cross, cross.T
+        self.t = t
+
+    def _use_known(self, row: int, y: float) -> None:
+        assert self._noise.rows is not None
+        h, e, D = self._noise.rows.at(row, self.x[:3])
+        mean, variance = curvature_effects(self.P[:3, :3], D)
+        H = np.zeros(len(self.x))
+        H[:3] = e
+        self._condition(H, y - h - mean, float(self._noise.rows.variance[row]) + variance)
+
+    def _use_placed(self, i: int, y: float) -> float:
+        """Use a range to a beacon of the state; return its normalised innovation."""
+        at, p = self._at(i), self.x[:3]
+        b = self.x[at]
+        H = np.zeros(len(self.x))
+        if self.about is not None:
+            h, e, _ = reading_of(RANGE, self.about[i], p)
+            h, R = h - float(e @ (b - self.about[i])), self._noise.range_variance
+        else:
+            h, e, D = reading_of(RANGE, b, p)
+            cross = self.P[:3, at]
+            mean, variance = curvature_effects(self.P[:3, :3] + self.P[at, at] - cross - cross.T, D)
+            h, R = h + mean, self._noise.range_variance + variance
+        H[:3], H[at] = e, -e
+        return self._condition(H, y - h, R)
+
+    def _condition(self, H: Array, nu: float, R: float) -> float:
+        """Condition on an innovation unless it is an outlier; return it over its deviation."""
+        PH = self.P @ H
+        S = float(H @ PH) + R
+        e = nu / math.sqrt(S)
+        self.log_likelihood -= 0.5 * (min(e * e, OUTLIER) + math.log(S))
+        if e * e <= OUTLIER:
+            self.x = self.x + PH * (nu / S)
+            P = self.P - np.outer(PH, PH / S)
+            self.P = 0.5 * (P + P.T)
+        return e

@@ -14,6 +14,7 @@ from mathnavi.estimators.beacons.flight_quality import axis_model, start_covaria
 from mathnavi.estimators.flight_model import AxisModel, KalmanConfig, clipped_rms
 from mathnavi.estimators.kalman import first_covariance
 from mathnavi.estimators.stagewise.model import Piece, refused
+from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.aerial.beacon_readings import LEAST_ANGLE, BeaconRows
@@ -37,6 +38,11 @@ class FlightModel:
     def from_config(config: KalmanConfig, mission: FlightMission) -> FlightModel:
         """Model of the estimator ``kalman`` with its configuration."""
         if mission.beacons is not None:
+            if mission.beacons.unknown:
+                raise MissionError(
+                    f"beacons {mission.beacons.unknown!r} at unknown places with a smoother; allowed: places that are "
+                    "known, such as those that the filter has found"
+                )
             return FlightBeaconModel(config, mission, mission.beacons)
         return FlightModel(mission, AxisModel.from_config(config, mission), first_covariance(config, mission))
 

@@ -59,6 +59,8 @@ def _headline(run: FlightRun) -> Headline:
         "path flown": f"{run.travelled[-1] / 1e3:.2f} km",
         "radar exposure": shown["radar_exposure_s"],
     }
+    if "beacon_places" in summary:
+        tiles["beacons at unknown places"] = summary["beacon_places"]
     good = arrived and safe and SHORTFALL not in summary
     return Headline(
         f"{run.title}: {found(run, run.above_ground)}", f"The vehicle {verdict}{why(summary)}.", good, tiles

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,6 +48,32 @@ def beacon_figures(recording: Recording, name: str, beacons: FlightBeacons) -> d
         "lost_s": statuses.count(Status.LOST) * step,
         "degraded_s": statuses.count(Status.DEGRADED) * step,
         "left_out_beacons": ", ".join(map(str, np.flatnonzero(out))) or None,
+    }
+
+
+def place_figures(recording: Recording, name: str, beacons: FlightBeacons, unknown: Sequence[int]) -> dict[str, Any]:
+    """Figures of the places that the estimator of one vehicle has in the end of ``unknown`` beacons, which are at
+    ``beacons``; empty without any. A standard deviation is that in the worst direction.
+    """
+    if not unknown:
+        return {}
+    estimates = recording.agents[name].estimates
+    extra = estimates[-1].extra if estimates else {}
+    words, errors, deviations = [], [], []
+    for i in unknown:
+        place = extra["beacon_places"][i] if "beacon_places" in extra else np.full(3, np.nan)
+        if not np.isfinite(place).all():
+            words.append(f"{i}: not found")
+            continue
+        errors.append(float(np.linalg.norm(place - beacons.array[i])))
+        deviations.append(float(np.sqrt(np.linalg.eigvalsh(extra["beacon_places_covariance"][i])[-1])))
+        where = f"({place[0]:.1f}, {place[1]:.1f}, {place[2]:.1f}) m"
+        words.append(f"{i}: {where}, sigma {deviations[-1]:.2g} m, error {errors[-1]:.2g} m")
+    return {
+        "beacons_found": len(errors),
+        "beacon_error_max_m": max(errors, default=None),
+        "beacon_deviation_max_m": max(deviations, default=None),
+        "beacon_places": "; ".join(words),
     }
 
 

@@ -28,8 +28,8 @@ DEFINITIONS: dict[str, str] = {
     "beacons_found": "Number of beacons, of those whose places the estimator was not given, that it has found.",
     "beacon_error_max_m": "Largest distance of a beacon that was found from its true place, at the end of the run.",
     "beacon_deviation_max_m": (
-        "Largest standard deviation that the estimator states of the place of a beacon that it has found, of both "
-        "coordinates together, at the end of the run."
+        "Largest standard deviation that the estimator states of the place of a beacon that it has found, at the end "
+        "of the run: of both coordinates together in the plane, in the worst direction in space."
     ),
     "beacon_places": (
         "Places that the estimator has of the beacons that it was not given, by their numbers, at the end of the run."

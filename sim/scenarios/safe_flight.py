@@ -30,6 +30,7 @@ from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.metrics.flight import flight_summary
+from mathnavi.sim.metrics.flight_beacons import place_figures
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import ChangingFlightRecord
 from mathnavi.sim.scenarios.assembler import Assembler
@@ -91,7 +92,7 @@ class SafeFlight:
         stack = parts.stack(mission, AccelerationSensor(), assurance=assurance)
         sensors = stack.sensors
         if config.beacons.unknown:  # their sensors know where they are
-            sensors = parts.sensors(dataclasses.replace(mission, beacons=config.beacons.declared()), AccelerationSensor())
+            sensors = parts.sensors(dataclasses.replace(mission, beacons=flight.mission.beacons), AccelerationSensor())
         setup = VehicleSetup(mission.start_state, sensors, mission.acceleration_max)
         model = _model(flight.mission.terrain, mission.acceleration_max)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
@@ -131,6 +132,7 @@ class TrueFlight:
     radars: tuple[RadarTrack, ...]
     deadline: float  # [s] by the plan from the true start
     target_moves: bool
+    unknown: tuple[int, ...] = ()  # beacons whose places the estimator is not given
 
 
 def arrived(flight: TrueFlight, t: float, truths: Mapping[str, Array]) -> bool:
@@ -158,6 +160,8 @@ def summarise(
         deadline = due(recording, VEHICLE, planner, flight.mission.deadline_factor, flight.deadline)
     flown_to = dataclasses.replace(flight.mission, target=flight.track.at(float(recording.t[-1])))
     summary = flight_summary(recording, VEHICLE, flown_to, flight.radars, tracker.bound, deadline, seed, wall_seconds)
+    if flight.mission.beacons is not None:
+        summary |= place_figures(recording, VEHICLE, flight.mission.beacons, flight.unknown)
     if isinstance(tracker, FilteredTracker):
         summary |= tracker.figures()
     return verdict(summary, deadline, flight.mission.clearance_min, flight.mission.speed_max)
@@ -191,7 +195,8 @@ def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> Tr
     check_above_ground("target", mission.target, true)
     check_track(track, config.report_period, lambda name, point: check_above_ground(name, point, true))
     deadline = mission.deadline_factor * first.t_end
-    return TrueFlight(true, track, config.tracks(mission.terrain), deadline, bool(config.target_path))
+    unknown = config.beacons.unknown
+    return TrueFlight(true, track, config.tracks(mission.terrain), deadline, bool(config.target_path), unknown)
 
 
 def _terms(

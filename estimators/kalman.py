@@ -85,7 +85,9 @@ class Kalman:
 
         check_carried(config, beacons)
         told = replace(mission, beacons=beacons.known)
-        by_fixes = KalmanConfig(**{each.name: getattr(config, each.name) for each in fields(config) if each.name not in OF_BEACONS})
+        by_fixes = KalmanConfig(
+            **{each.name: getattr(config, each.name) for each in fields(config) if each.name not in OF_BEACONS}
+        )
         carrier = Kalman(by_fixes, told) if told.beacons is None else guarded(config, told)
         return PlacedFlight(carrier, config, mission, beacons)
 

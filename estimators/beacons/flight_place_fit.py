@@ -82,8 +82,7 @@ def _distinct(places: Array, p: Array, y: Array, variance: Array, *, outliers: b
         information = np.einsum("n,ni,nj->ij", w[0], J[0], J[0])
         away = [each.place - places[k] for each in kept]
         if all(
-            float(d @ each.information @ d) > _APART and float(d @ d) > 1e-6
-            for d, each in zip(away, kept, strict=True)
+            float(d @ each.information @ d) > _APART and float(d @ d) > 1e-6 for d, each in zip(away, kept, strict=True)
         ):
             kept.append(PlaceFit(places[k], information, float(costs[k])))
     return kept

@@ -22,7 +22,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.special import chdtri
@@ -51,11 +51,13 @@ _CARRIES = 3  # beacons at known places that carry a flight without fixes
 _FIXES = "position"
 
 
-class Carrier(Protocol):
+@runtime_checkable
+class WholeState(Protocol):
     """An estimator of a flight with the whole state of its filter."""
 
     @property
-    def moments(self) -> tuple[Array, Array] | None: ...
+    def moments(self) -> tuple[Array, Array] | None:
+        """State (p, v, g) (9,) and covariance (9, 9); None where these do not describe what it knows."""
 
 
 class PlacedFlight:
@@ -97,7 +99,8 @@ class PlacedFlight:
         out = estimate.extra.get("left_out")
         trusted = estimate.status is Status.OK and (out is None or not out.any())
         source = alone(self._carrier)
-        moments = source.moments if trusted else None  # type: ignore[attr-defined]
+        assert isinstance(source, WholeState)
+        moments = source.moments if trusted else None
         if moments is None:
             self._forget("waits until the flight knows where it is without it")
             self._before = None
@@ -127,9 +130,9 @@ class PlacedFlight:
             elif each.name == RANGES:
                 self._malformed += 1
             else:
-                if each.name == _FIXES and self._fixes and each.value.shape == (3,) and each.t > since:
-                    if np.isfinite(each.value).all():
-                        fixes.append((each.t, each.value.copy()))
+                whole = each.value.shape == (3,) and bool(np.isfinite(each.value).all())
+                if each.name == _FIXES and self._fixes and whole and each.t > since:
+                    fixes.append((each.t, each.value.copy()))
                 given.append(each)
         return Step(t, command.copy(), fixes, ranges), given
 
@@ -240,8 +243,9 @@ class PlacedFlight:
         n, joint = len(self._beacons.places), self._joint
         places, covariance = self._beacons.array, np.zeros((n, 3, 3))
         covariance[list(self._unknown)] = np.nan
-        for i in () if joint is None else joint.numbers:
-            places[i], covariance[i] = joint.place(i)  # type: ignore[union-attr]
+        if joint is not None:
+            for i in joint.numbers:
+                places[i], covariance[i] = joint.place(i)
         extra = dict(estimate.extra)
         channels = np.append(self._known, np.arange(n, n + 3 * self._fixes)).astype(np.int64)
         extra["left_out"] = _spread(estimate.extra.get("left_out"), channels, n + 3 * self._fixes, 0.0)
@@ -288,7 +292,7 @@ def check_carried(config: KalmanConfig, beacons: FlightBeacons) -> None:
     known = len(beacons.places) - len(beacons.unknown)
     if beacons.unknown and not config.fixes and known < _CARRIES:
         raise MissionError(
-            f"beacons {beacons.unknown!r} at unknown places, and {known} at known ones without fixes: nothing tells the "
-            f"flight where it is while it finds them; allowed: estimator.fixes, or {_CARRIES} beacons or more at known "
+            f"beacons {beacons.unknown!r} at unknown places, and {known} at known ones without fixes: nothing tells "
+            f"the flight where it is while it finds them; allowed: estimator.fixes, or {_CARRIES} beacons or more at known "
             "places"
         )

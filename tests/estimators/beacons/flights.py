@@ -118,7 +118,13 @@ def flight(
     table = np.array(rows)
     n = len(table[0]) - estimate.extra["innovations"].size
     return Flown(
-        table[:, 0], table[:, 1].astype(bool), table[:, 2], table[:, 3:6], table[:, 6:n], messages, table[:, n:],
+        table[:, 0],
+        table[:, 1].astype(bool),
+        table[:, 2],
+        table[:, 3:6],
+        table[:, 6:n],
+        messages,
+        table[:, n:],
         estimates,
     )
 

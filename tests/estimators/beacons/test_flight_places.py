@@ -97,6 +97,6 @@ def test_a_flight_that_nothing_carries_is_refused(unknown: tuple[int, ...]) -> N
     places = tuple(None if i in unknown else place for i, place in enumerate(PLACES))
     mission = mission_of(FlightBeacons(places), (3000.0, 3000.0, 400.0))
     for refused in (Kalman.build, Kalman.quality):
-        with pytest.raises(MissionError, match="without fixes.*allowed: estimator.fixes, or 3 beacons"):
+        with pytest.raises(MissionError, match=r"without fixes.*allowed: estimator.fixes, or 3 beacons"):
             refused(KalmanConfig(), mission)
     assert Kalman.build(WITH_FIXES, mission).update(0.0, (), np.zeros(3)).extra["beacon_places"].shape == (4, 3)

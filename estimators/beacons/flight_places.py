@@ -293,6 +293,6 @@ def check_carried(config: KalmanConfig, beacons: FlightBeacons) -> None:
     if beacons.unknown and not config.fixes and known < _CARRIES:
         raise MissionError(
             f"beacons {beacons.unknown!r} at unknown places, and {known} at known ones without fixes: nothing tells "
-            f"the flight where it is while it finds them; allowed: estimator.fixes, or {_CARRIES} beacons or more at known "
-            "places"
+            f"the flight where it is while it finds them; allowed: estimator.fixes, or {_CARRIES} beacons or more at "
+            "known places"
         )

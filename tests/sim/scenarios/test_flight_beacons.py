@@ -88,6 +88,22 @@ def test_it_arrives_by_bearings_and_differences_and_its_log_gives_the_same_estim
     assert [text.get_text() for text in figure.axes[1].get_yticklabels()][-2:] == ["4", "5"]
 
 
+def test_it_finds_beacons_on_its_way_and_its_log_gives_the_same_places(tmp_path: Path) -> None:
+    unknown = {"beacons.places": PLACES[:4], "beacons.unknown": (1, 3), "noise.position": 2.0, "estimator.fixes": True}
+    run = mn.run("safe-flight", seed=3, estimator="kalman", **(FIELDS | unknown))
+    assert run.success
+    assert run.summary["beacons_found"] == 2
+    assert run.summary["beacon_error_max_m"] < 3.0 * run.summary["beacon_deviation_max_m"]
+    for i in (1, 3):
+        e = run["estimate.beacon_places"][-1, i] - PLACES[i]
+        assert e @ np.linalg.solve(run["estimate.beacon_places_covariance"][-1, i], e) < 14.16
+    folder = run.save(tmp_path / "run")
+    assert main(["estimate", "kalman", str(folder), "--out", str(tmp_path / "again")]) == 0
+    again = load_run(tmp_path / "again").log.arrays
+    for name in ("x", "deviation", "innovations", "left_out", "beacon_places", "beacon_places_covariance"):
+        assert np.array_equal(again[f"estimate.{name}"], run[f"estimate.{name}"], equal_nan=True), name
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
@@ -107,6 +123,8 @@ def test_it_arrives_by_bearings_and_differences_and_its_log_gives_the_same_estim
             {"faults.beacons": (0, 2, 0)},
             r"faults.beacons = \(0, 2, 0\), of 6 beacons; allowed: different numbers, 0 to 5",
         ),
+        ({"beacons.unknown": (6,)}, r"beacons.unknown = \(6,\) with 6 places; allowed: different numbers"),
+        ({"beacons.unknown": (0,), "beacons.read": ("bearings",)}, "beacons.unknown = .*; allowed: ranges alone"),
         ({"beacons.places": ()}, "beacons.range_noise = 0.5 without beacons.places; allowed"),
     ],
 )

@@ -88,7 +88,7 @@ class Kalman:
         by_fixes = KalmanConfig(
             **{each.name: getattr(config, each.name) for each in fields(config) if each.name not in OF_BEACONS}
         )
-        carrier = Kalman(by_fixes, told) if told.beacons is None else guarded(config, told)
+        carrier: Estimator = Kalman(by_fixes, told) if told.beacons is None else guarded(config, told)
         return PlacedFlight(carrier, config, mission, beacons)
 
     @staticmethod

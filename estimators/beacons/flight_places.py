@@ -34,7 +34,7 @@ from mathnavi.estimators.integrity.guard import alone
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.reading_counts import COUNTS, Unused
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
 from mathnavi.models.aerial.beacon_readings import BeaconRows
 from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.mission import FlightMission
@@ -267,7 +267,7 @@ class PlacedFlight:
         return replace(estimate, x=joint.x[:6].copy(), covariance=joint.P[:6, :6].copy(), extra=extra, message=message)
 
 
-def _spread(values: Array | None, at: Array, size: int, nothing: float) -> Array:
+def _spread(values: Array | None, at: Integers, size: int, nothing: float) -> Array:
     """Values (k,) at their places (k,) among ``size``, ``nothing`` elsewhere."""
     out = np.full(size, nothing)
     if values is not None and len(values) == len(at):

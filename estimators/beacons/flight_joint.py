@@ -38,7 +38,7 @@ class Step:
 
     t: float  # [s]
     command: Array  # (3,) [m/s^2] since the step before
-    fixes: Sequence[tuple[float, Array]]  # t [s] and the fix (3,) [m]
+    fixes: Sequence[tuple[float, Array]]  # t [s] and the fix (3,) [m], NaN on an axis that is not to be used
     ranges: Sequence[tuple[float, Array]]  # t [s] and the ranges (n,) [m] to all beacons, NaN for those not to be used
 
 
@@ -91,7 +91,7 @@ class JointFlight:
         for t, kind, value in sorted(events, key=lambda each: each[:2]):
             self._predict(t, step.command)
             if kind == 0:
-                for k in range(3):
+                for k in np.flatnonzero(np.isfinite(value)).tolist():
                     H = np.zeros(len(self.x))
                     H[k] = 1.0
                     self._condition(H, float(value[k] - self.x[k]), self._noise.fix_variance)

@@ -120,7 +120,7 @@ def mission_but_ends(
     """
     mission = bare_mission(config, terrain, radars)
     if beacons is not None:
-        _check_sight(beacons, terrain)
+        check_sight(beacons, terrain)
         mission = dataclasses.replace(mission, beacons=beacons)
     if beacons is not None and not set(beacons.sensor_names) <= {
         each.name for each in checked_sensors(estimator, mission)
@@ -133,7 +133,7 @@ def mission_but_ends(
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
-def _check_sight(beacons: FlightBeacons, terrain: HeightField) -> None:
+def check_sight(beacons: FlightBeacons, terrain: HeightField) -> None:
     """MissionError for a beacon that needs sight and can never be seen: below the ground, or off the map."""
     for place in beacons.places if beacons.line_of_sight else ():
         if place is None:

@@ -41,6 +41,7 @@ from mathnavi.sim.scenarios.flight_learning import HOLD, FlightTerms
 from mathnavi.sim.scenarios.flight_parts import (
     certified_ends,
     check_above_ground,
+    check_sight,
     drawn_point,
     due,
     flight_record,
@@ -189,6 +190,8 @@ def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission,
 def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> TrueFlight:
     """Flight over the true ground; MissionError if start, target or the target's path is too near to it."""
     beacons = config.beacons.declared()
+    if beacons is not None:
+        check_sight(beacons, mission.terrain)
     true = dataclasses.replace(mission, terrain=config.ground(mission.terrain), beacons=beacons)
     track = TargetTrack(mission.target, true.terrain, config.target_path)
     check_above_ground("start", mission.start, true)

@@ -71,12 +71,13 @@ def flight(
     angle: float = 0.02,
     unknown: tuple[int, ...] = (),
     straight: bool = False,
+    fixes_end: float = math.inf,
 ) -> Flown:
     """A flight about its start, ``swing`` [m] up and down; ``sinks`` [m/s] besides that.
 
     ``failing`` is the number of a beacon that fails at 15 s, and its offset [m], None: stuck, with an ``angle`` [rad]
-    of bearings; in the ``gap`` [s] there are no readings. The estimator is not given the places of the beacons
-    ``unknown``. A flight that is ``straight`` goes 30 m/s east.
+    of bearings; in the ``gap`` [s] there are no readings, and from ``fixes_end`` [s] on no fixes. The estimator is not
+    given the places of the beacons ``unknown``. A flight that is ``straight`` goes 30 m/s east.
     """
     rng = np.random.default_rng(seed)
     start = (*rng.uniform(1500.0, 4500.0, 2).tolist(), height + 50.0 * rng.uniform(-1.0, 1.0))
@@ -99,7 +100,7 @@ def flight(
             fix = x[:3] + mission.position_noise * rng.standard_normal(3)
             if not gap[0] <= t < gap[1]:
                 readings = [Measurement(name, t, value) for name, value in values.items() if value is not None]
-                readings += [Measurement("position", t, fix)] if config.fixes else []
+                readings += [Measurement("position", t, fix)] if config.fixes and t < fixes_end else []
         estimate = estimator.update(t, readings, u)
         assert estimate.covariance is not None
         e, P = estimate.x[:3] - x[:3], estimate.covariance[:3, :3]

@@ -147,9 +147,12 @@ def test_a_beacon_that_nothing_ever_sees_is_refused_where_sight_is_needed(
     place: tuple[float, float, float], where: str
 ) -> None:
     fields = FIELDS | {"beacons.places": (PLACES[2], place)}
-    spec = RunSpec.of("safe-flight", 1, estimator="kalman", fields=fields | {"beacons.line_of_sight": True})
-    with pytest.raises(ValueError, match=f"beacons.places = .*{place[0]}.* is {where}.*; allowed"):
-        spec.build()
+    sight = {"beacons.line_of_sight": True}
+    unknown = {"beacons.unknown": (1,), "estimator.fixes": True}
+    for more in (sight, sight | unknown):
+        spec = RunSpec.of("safe-flight", 1, estimator="kalman", fields=fields | more)
+        with pytest.raises(ValueError, match=f"beacons.places = .*{place[0]}.* is {where}.*; allowed"):
+            spec.build()
 
 
 @pytest.mark.parametrize(("field", "value"), [("fixes", True), ("position_std_max", 9.0)])

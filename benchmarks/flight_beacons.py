@@ -5,8 +5,9 @@
 One mission of ``safe-flight`` over the terrain jacksboro, 2.8 km under gusts of 1 m/s^2, is flown in closed loop by the
 estimator ``kalman``, ten times a second each: by fixes with 2 m of noise on each axis, by ranges with 0.5 m of noise to
 four or six beacons, by bearings with 1 mrad of noise to four, and by range differences of six, of arrivals with 0.5 m
-of noise; and with a beacon that fails from 10 s on: stuck, or off by 5 m, or 10 mrad. What three beacons tell leaves
-nothing to plan with there, unless the flight arrives within 150 m of its target and may be 10 m above the ground.
+of noise; and with a beacon that fails from 10 s on: stuck, or off by 5 m, or 10 mrad. The places of two beacons are
+found in flight, by fixes or by four others. What three beacons tell leaves nothing to plan with there, unless the
+flight arrives within 150 m of its target and may be 10 m above the ground.
 """
 
 from __future__ import annotations
@@ -72,6 +73,13 @@ CONDITIONS: Mapping[str, dict[str, Any]] = {
     "differences of 6": by_beacons(6, read="range-differences"),
     "differences of 6, one 5 m off": by_beacons(6, "offset", "range-differences"),
     "differences of 6, the first 5 m off": by_beacons(6, "offset", "range-differences", 0),
+    "fixes, 2 m, and 2 unknown places": {
+        **by_beacons(2),
+        "beacons.unknown": (0, 1),
+        "noise.position": 2.0,
+        "estimator.fixes": True,
+    },
+    "6 beacons, 2 at unknown places": by_beacons(6) | {"beacons.unknown": (1, 3)},
 }
 
 

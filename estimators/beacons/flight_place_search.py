@@ -5,9 +5,9 @@ Of each beacon in turn,
 1. a batch fit about the carrier's way finds all places that explain its ranges (``flight_place_fit``);
 2. a joint filter of flight and places (``flight_joint``) is run from the carrier's state before the first reading, once
    about each such place, until the batch fit and the filter agree;
-3. a place is believed if no other is as likely as 1 to e^20, its residuals are those of its declared noise, and its
-   deviation sigma is so small that the bend of the sphere on which a range leaves it, sigma^2 / (2 rho), is at most
-   half that of the noise.
+3. a place is believed if no other is as likely as 1 to e^20, its residuals are those of its declared noise, and it is
+   known so well that a Gaussian describes it: two deviations along its worst direction, the sphere on which a range rho
+   leaves it bends by 2 sigma_max^2 / rho, which is at most the deviation sigma_min across.
 
 What was read meanwhile is used at the end. How much is done at a call is counted in steps of a filter, not in seconds:
 so the same readings give the same places at the same times.
@@ -32,6 +32,7 @@ _FEWEST, _SHORTEST = 30, 5.0  # ranges of a beacon, and time [s] that they span,
 _MOST = 4  # places that are compared
 _EXCLUDED = 20.0  # logarithm of how much likelier the best place is than another one
 _AGREED, _REPEATED = 0.1, 3  # squared distance in deviations of the batch fit from the joint filter; runs until it is
+_HOPELESS = 4.0  # deviation of a batch fit over sqrt(rho sigma) of a range from which on no filter is run
 _FIT = 60  # steps of a filter that take as long as a batch fit
 _TRIMMED = 9.0  # square of an innovation, where outliers are declared
 
@@ -124,7 +125,7 @@ class PlaceSearch:
         fits = place_fits(p, P, y, self._std, outliers=self._outliers)
         if len(fits) > _MOST:
             self._end("other places explain its ranges as well")
-        elif fits[0].deviation > 4.0 * self._limit(float(y.min())):
+        elif fits[0].deviation > _HOPELESS * math.sqrt(float(y.min()) * self._std):
             self._end(_uncertain(fits[0].deviation))
         else:
             self._runs, self._repeats = [self._run(i, fit) for fit in fits], -1
@@ -157,7 +158,7 @@ class PlaceSearch:
             else:
                 self._runs = [self._run(i, place)]
             return
-        uncertain = [k for k in run.joint.numbers if _deviation(run.joint.place(k)[1]) > self._limit(self._least(k))]
+        uncertain = [k for k in run.joint.numbers if _is_bent(run.joint.place(k)[1], self._least(k))]
         squares = np.minimum(np.square(run.innovations), _TRIMMED if self._outliers else OUTLIER)
         if uncertain:
             self._end(_uncertain(_deviation(run.joint.place(uncertain[-1])[1])))
@@ -180,14 +181,16 @@ class PlaceSearch:
         all_ranges = (y[i] for kept in self._window for _, y in kept.step.ranges)
         return min((float(y) for y in all_ranges if math.isfinite(y)), default=math.inf)
 
-    def _limit(self, rho: float) -> float:
-        """Standard deviation [m] of a place up to which its ranges are used, at least rho [m]."""
-        return math.sqrt(rho * self._std)
-
 
 def _deviation(P: Array) -> float:
     """Standard deviation [m] in the worst direction."""
     return math.sqrt(float(np.linalg.eigvalsh(P)[-1]))
+
+
+def _is_bent(P: Array, rho: float) -> bool:
+    """True for a place of covariance P (3, 3) [m^2] that is not Gaussian, with ranges of at least rho [m]."""
+    least, _, largest = np.linalg.eigvalsh(P).tolist()
+    return bool(2.0 * largest > rho * math.sqrt(max(least, 0.0)))
 
 
 def _uncertain(deviation: float) -> str:

@@ -72,12 +72,13 @@ def flight(
     unknown: tuple[int, ...] = (),
     straight: bool = False,
     fixes_end: float = math.inf,
+    fails_at: float = 15.0,
 ) -> Flown:
     """A flight about its start, ``swing`` [m] up and down; ``sinks`` [m/s] besides that.
 
-    ``failing`` is the number of a beacon that fails at 15 s, and its offset [m], None: stuck, with an ``angle`` [rad]
-    of bearings; in the ``gap`` [s] there are no readings, and from ``fixes_end`` [s] on no fixes. The estimator is not
-    given the places of the beacons ``unknown``. A flight that is ``straight`` goes 30 m/s east.
+    ``failing`` is the number of a beacon that ``fails_at`` [s], and its offset [m], None: stuck, with an ``angle``
+    [rad] of bearings; in the ``gap`` [s] there are no readings, and from ``fixes_end`` [s] on no fixes. The estimator
+    is not given the places of the beacons ``unknown``. A flight that is ``straight`` goes 30 m/s east.
     """
     rng = np.random.default_rng(seed)
     start = (*rng.uniform(1500.0, 4500.0, 2).tolist(), height + 50.0 * rng.uniform(-1.0, 1.0))
@@ -88,7 +89,7 @@ def flight(
     read_by = beacons.sensors(mission.terrain)
     sensors: Sequence[Sensor] = read_by
     if failing is not None:
-        sensors = [FailingBeacons(each, failing[:1], 15.0, failing[1], angle) for each in read_by]
+        sensors = [FailingBeacons(each, failing[:1], fails_at, failing[1], angle) for each in read_by]
     gust, keep = mission.gust, math.exp(-PERIOD / mission.gust.time_constant)
     x, g, u = mission.start_state, np.zeros(3), np.zeros(3)
     phases = rng.uniform(0.0, 2.0 * math.pi, 3)

@@ -41,7 +41,9 @@ from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.reading_counts import COUNTS, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
-_SNAPSHOT, _MEMORY = 0.5, 8.0  # [s] between copies of the estimator, and for which they and the readings are kept
+_SNAPSHOT = 0.5  # [s] between copies of the estimator
+MEMORY = 8.0
+"""time [s] for which copies and readings are kept: a fault that is named began no earlier"""
 _SETTLED = 2.0  # [s] without an alarm until the estimate is OK again, or for the first time where that is asked
 _FOUND = 5.0  # [s] likewise, after it was lost
 _READMITTED, _LONGEST = 2.0, 30.0  # [s] for which a channel has to pass its tests, at first and at most
@@ -108,7 +110,7 @@ class Guarded:
         self._astray = self._unfound = unfound  # True for one that has to begin again, and that never has
         self._k = self._quiet = 0
         self._next_attempt, self._unexplained = 0, -1
-        self._past: deque[Reading] = deque(maxlen=self._updates(_MEMORY) + 1)
+        self._past: deque[Reading] = deque(maxlen=self._updates(MEMORY) + 1)
         self._snapshots: list[Start] = []
         self._search: Search | None = None
         self._later: list[Reading] = []  # readings since it began
@@ -126,6 +128,15 @@ class Guarded:
     def estimator(self) -> Estimator:
         """The estimator next to which the monitor is now."""
         return self._now.estimator
+
+    @property
+    def left_out(self) -> frozenset[int]:
+        """Channels that are left out now."""
+        return self._out
+
+    def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
+        """The readings without some channels; those for which an estimator has to be rebuilt stay as they are."""
+        return self._now.witness.without(measurements, out)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate at t [s] with the worse of two statuses, the estimator's and the monitor's.
@@ -266,7 +277,7 @@ class Guarded:
         elif self._quiet >= needed and self._state is not Status.INITIALISING:
             self._state = Status.DEGRADED
         if self._state is not Status.LOST and due and self._now.estimate is not None:
-            kept = self._k - self._updates(_MEMORY)
+            kept = self._k - self._updates(MEMORY)
             self._snapshots = [each for each in self._snapshots if each.k >= kept]
             self._snapshots.append(Start(self._k, self._now.copy(), self._out))
         if suspicious and self._begun and self._k >= self._next_suspicion and self._search is None:

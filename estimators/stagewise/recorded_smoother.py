@@ -6,20 +6,21 @@ A causal estimator uses the readings so far; this one uses the whole run, which 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
 from mathnavi.estimators.stagewise.model import StageBuilder, StagewiseModel
 from mathnavi.estimators.stagewise.smoother import SmoothedStates, batch_least_squares, rauch_tung_striebel
+from mathnavi.estimators.stagewise.verdict import Sample, Verdict, contradictions, filter_verdict
 from mathnavi.interfaces.bounds import Probability, configuration
 from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
-Sample = tuple[float, Sequence[Measurement], Array]
-"""time [s], readings since the sample before, and the input (nu,) held since then"""
+_PATIENT = 60.0  # [s] without readings for which the run's filter is not lost: gaps are judged by the smoother
 
 
 @configuration
@@ -35,9 +36,19 @@ class SmootherConfig:
 class RecordedSmoother:
     """Estimator that uses a whole recorded run; call ``smooth`` before ``update``."""
 
-    def __init__(self, config: SmootherConfig, model: StagewiseModel, period: float, timeout: float) -> None:
-        """``timeout`` is the longest gap [s] between readings that is declared."""
-        self.period = period
+    def __init__(
+        self,
+        config: SmootherConfig,
+        model: StagewiseModel,
+        period: float,
+        timeout: float,
+        recorded: Estimator | None = None,
+    ) -> None:
+        """``timeout`` is the longest gap [s] between readings that is declared; ``recorded`` the filter of the run,
+        whose monitor says what is left out; None for a run without.
+        """
+        self.period, self._recorded = period, recorded
+        self._verdict = Verdict(None, ())
         self._longest = max(timeout, 2.0 * period) + TIME_TOLERANCE
         self._read = np.empty(0)  # (k,) [s] times with readings
         self._config, self._model = config, model
@@ -55,6 +66,10 @@ class RecordedSmoother:
         Raises ArgumentError if it has no reading to start at or batch least squares does not converge, LinAlgError if
         the filter diverges.
         """
+        by_filter = None
+        if self._recorded is not None:
+            by_filter = filter_verdict(self._recorded, samples)
+            samples, self._recorded = by_filter.samples, None
         prepare = getattr(self._model, "prepare", None)  # of a model that finds its start in the run
         if prepare is not None:
             samples = list(samples)
@@ -66,12 +81,13 @@ class RecordedSmoother:
         self._states = smoothed(self._model, stages, self._config.gate)
         if not self._states.converged:
             raise ArgumentError("method = 'batch' did not converge on this run; allowed: 'rts'")
+        self._verdict = Verdict(by_filter, contradictions(self._model, self._states))
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Smoothed estimate at t [s], independent of ``measurements``; before the first stage that of the first stage.
 
         INITIALISING before the first stage and in a run without readings, DEGRADED in a gap between readings that is
-        longer than declared.
+        longer than declared, where the run's filter is not sure, and where residuals contradict it (``verdict``).
         """
         assert self._states is not None, "the run was not smoothed yet"
         k = int(np.searchsorted(self._states.t, t + TIME_TOLERANCE, side="right")) - 1
@@ -79,8 +95,13 @@ class RecordedSmoother:
         x, P = self._model.reported(state, covariance)
         if P is not None:
             P = 0.5 * (P + P.T)
-        extra = self._model.extra(state, covariance)
-        return Estimate(t, x, P, self._status(t) if k >= 0 and len(self._read) else Status.INITIALISING, extra)
+        extra = dict(self._model.extra(state, covariance))
+        doubt, out = self._verdict.at(t)
+        if out is not None:
+            extra["left_out"] = out
+        if k < 0 or not len(self._read):
+            return Estimate(t, x, P, Status.INITIALISING, extra)
+        return Estimate(t, x, P, Status.DEGRADED if doubt else self._status(t), extra, doubt)
 
     def _status(self, t: float) -> Status:
         """Status at t [s], which is after the first stage."""
@@ -106,9 +127,10 @@ class Smoothing:
 
     def build(self, config: SmootherConfig, mission: Any) -> RecordedSmoother:
         """Build the smoother of one run."""
-        recorded: Estimator = self._plugin.build(self._config, mission)
         timeout = float(getattr(self._config, "timeout", np.inf))  # a filter of somebody else's may declare none
-        return RecordedSmoother(config, self._model_of(self._config, mission), recorded.period, timeout)
+        patient = replace(self._config, timeout=max(timeout, _PATIENT)) if np.isfinite(timeout) else self._config
+        recorded: Estimator = self._plugin.build(patient, mission)
+        return RecordedSmoother(config, self._model_of(self._config, mission), recorded.period, timeout, recorded)
 
     def sensors(self, config: SmootherConfig, mission: Any) -> tuple[Sensor, ...]:
         """Sensors of the recorded estimator."""

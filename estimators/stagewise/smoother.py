@@ -43,6 +43,7 @@ class SmoothedStates:
     t: Array  # (n,) [s]
     x: tuple[Array, ...]  # (n,) states
     P: tuple[Array, ...]  # (n,) covariances (d, d) of their errors
+    used: tuple[tuple[Array, ...], ...]  # (n,) readings, NaN in place of outliers
     converged: bool = True  # whether the iteration converged
 
 
@@ -79,7 +80,7 @@ def _backward(model: StagewiseModel, forward: Sequence[_Forward]) -> SmoothedSta
         states.append(x)
         covariances.append(P)
     t = np.array([each.stage.t for each in forward])
-    return SmoothedStates(t, tuple(states[::-1]), tuple(covariances[::-1]))
+    return SmoothedStates(t, tuple(states[::-1]), tuple(covariances[::-1]), tuple(each.used for each in forward))
 
 
 def batch_least_squares(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> SmoothedStates:
@@ -97,8 +98,8 @@ def batch_least_squares(model: StagewiseModel, stages: Sequence[SmootherStage], 
             break
         x = [model.sum(state, error) for state, error in zip(x, e, strict=True)]
         if (np.abs(e) <= _STEP * scale).all():
-            return SmoothedStates(guess.t, tuple(x), guess.P)
-    return SmoothedStates(guess.t, tuple(x), guess.P, converged=False)
+            return SmoothedStates(guess.t, tuple(x), guess.P, guess.used)
+    return SmoothedStates(guess.t, tuple(x), guess.P, guess.used, converged=False)
 
 
 def _filtered(model: StagewiseModel, stages: Sequence[SmootherStage], gate: float) -> list[_Forward]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.kalman import Kalman
+from mathnavi.estimators.stagewise.verdict import Sample
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.beacons import FailingBeacons, FlightBeacons
@@ -38,6 +39,8 @@ class Flown:
     messages: list[str]
     ratio: Array  # (n, m) innovations over their deviations
     estimates: list[Estimate]
+    mission: FlightMission
+    samples: list[Sample]
 
     @property
     def sure_and_wrong(self) -> float:
@@ -93,7 +96,7 @@ def flight(
     gust, keep = mission.gust, math.exp(-PERIOD / mission.gust.time_constant)
     x, g, u = mission.start_state, np.zeros(3), np.zeros(3)
     phases = rng.uniform(0.0, 2.0 * math.pi, 3)
-    rows, messages, estimates = [], [], []
+    rows, messages, estimates, samples = [], [], [], []
     for k in range(round(duration / PERIOD)):
         t, readings = k * PERIOD, []
         if k % EVERY == 0:
@@ -102,6 +105,7 @@ def flight(
             if not gap[0] <= t < gap[1]:
                 readings = [Measurement(name, t, value) for name, value in values.items() if value is not None]
                 readings += [Measurement("position", t, fix)] if config.fixes and t < fixes_end else []
+        samples.append((t, readings, u))
         estimate = estimator.update(t, readings, u)
         assert estimate.covariance is not None
         e, P = estimate.x[:3] - x[:3], estimate.covariance[:3, :3]
@@ -128,6 +132,8 @@ def flight(
         messages,
         table[:, n:],
         estimates,
+        mission,
+        samples,
     )
 
 

@@ -1,0 +1,133 @@
+"""What tells whether a smoothed run is right: the monitor of the run's filter, and the residuals of the smoother.
+
+The filter is run over the log. What its monitor leaves out at a time, the smoother leaves out too, and since the
+earliest time at which the fault may have begun; where the filter is DEGRADED or LOST, so is what the smoother says,
+at best DEGRADED.
+
+The filter's innovations tell of a fault when it begins, not of one that the filter has followed; the smoother's
+residuals do. Where the model holds, those of a linear smoother, whitened by the noise of the readings, have the
+covariance I - W P W' <= I. So over each window of n of them, of one row or of all, sum r^2 exceeds the quantile of
+chi^2 with n degrees of freedom, and (sum r)^2 / n that with one, with no more than its probability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from mathnavi.estimators.integrity.guard import MEMORY, Guarded
+from mathnavi.estimators.stagewise.model import AssociatingModel, StagewiseModel
+from mathnavi.estimators.stagewise.smoother import SmoothedStates
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Measurement, Status
+from mathnavi.models.tolerances import TIME_TOLERANCE
+
+Sample = tuple[float, Sequence[Measurement], Array]
+"""time [s], readings since the sample before, and the input (nu,) held since then"""
+_WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
+_CHANCE = 1e-9  # of an alarm of a test
+_CONTRADICTED = "its readings contradict the smoothed run"
+
+
+@dataclass(frozen=True, eq=False)
+class FilterVerdict:
+    """What the filter of a run says at the times t (n,) [s] of its samples."""
+
+    t: Array
+    doubts: tuple[str, ...]  # (n,) why it is not sure; empty where it is
+    left_out: Array | None  # (n, l) 1 for a channel that is left out, of a filter that can leave channels out
+    samples: tuple[Sample, ...]  # without the readings of those channels
+
+    def at(self, t: float) -> tuple[str, Array | None]:
+        """The doubt at t [s], and the channels (l,) left out."""
+        k = max(0, int(np.searchsorted(self.t, t + TIME_TOLERANCE, side="right")) - 1)
+        return self.doubts[k], None if self.left_out is None else self.left_out[k]
+
+
+def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVerdict:
+    """Run a filter over all samples of a run."""
+    samples, doubts, out = tuple(samples), [], []
+    for t, readings, command in samples:
+        estimate = estimator.update(t, readings, command)
+        unsure = estimate.status in (Status.DEGRADED, Status.LOST)
+        doubts.append((estimate.message or "is not sure of its estimate") if unsure else "")
+        if isinstance(estimator, Guarded):
+            out.append(np.asarray(estimate.extra["left_out"], np.float64))
+    t = np.array([each[0] for each in samples])
+    if not isinstance(estimator, Guarded):
+        return FilterVerdict(t, tuple(doubts), None, samples)
+    left_out = np.array(out)
+    until = np.searchsorted(t, t + MEMORY, side="right")  # a fault that is found by then may have begun
+    left_out = np.array([left_out[k:last].max(axis=0) for k, last in enumerate(until)])
+    kept = tuple(
+        (at, estimator.without(readings, frozenset(np.flatnonzero(row).tolist())) if row.any() else readings, command)
+        for (at, readings, command), row in zip(samples, left_out, strict=True)
+    )
+    return FilterVerdict(t, tuple(doubts), left_out, kept)
+
+
+def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[float, float]]:
+    """Times [s], from the reading before to that after, of windows whose residuals cannot be chance.
+
+    A model that associates readings with walls compares them with its map by itself.
+    """
+    if isinstance(model, AssociatingModel) and model.is_ambiguous:
+        return []
+    t, residuals = [], []
+    for at, x, readings in zip(states.t.tolist(), states.x, states.used, strict=True):
+        for y in readings:
+            t.append(at)
+            residuals.append(model.residual(x, y)[0])
+    if not t:
+        return []
+    times, r = np.array(t), np.array(residuals)
+    before, after = [-np.inf, *t[:-1]], [*t, np.inf]
+    found = []
+    for row in (*range(r.shape[1]), None):
+        values = r if row is None else r[:, [row]]
+        known = np.isfinite(values)
+        values = np.where(known, values, 0.0)
+        n, mean, energy = (
+            np.concatenate([[0.0], np.cumsum(each.sum(axis=1))]) for each in (known, values, np.square(values))
+        )
+        for window in _WINDOWS:
+            ends = np.searchsorted(times, times + window, side="left")
+            count = n[ends] - n[:-1]
+            asked = np.maximum(count, 1.0)
+            wrong = energy[ends] - energy[:-1] > chdtri(asked, _CHANCE)
+            if row is not None:
+                wrong |= np.square(mean[ends] - mean[:-1]) / asked > chdtri(1, _CHANCE)
+            found += [(before[k], after[ends[k]]) for k in np.flatnonzero(wrong & (count > 0.0)).tolist()]
+    return _united(found)
+
+
+def _united(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Spans that do not overlap."""
+    united: list[tuple[float, float]] = []
+    for begin, end in sorted(spans):
+        if united and begin <= united[-1][1]:
+            united[-1] = united[-1][0], max(end, united[-1][1])
+        else:
+            united.append((begin, end))
+    return united
+
+
+class Verdict:
+    """What both say of a smoothed run."""
+
+    def __init__(self, by_filter: FilterVerdict | None, spans: Sequence[tuple[float, float]]) -> None:
+        """``spans`` are the ``contradictions``; without a filter they alone count."""
+        self._by_filter = by_filter
+        self._begins = np.array([begin for begin, _ in spans])
+        self._ends = np.array([end for _, end in spans])
+
+    def at(self, t: float) -> tuple[str, Array | None]:
+        """Why the smoothed run is not sure at t [s], empty where it is, and the channels (l,) that are left out."""
+        doubt, out = ("", None) if self._by_filter is None else self._by_filter.at(t)
+        k = int(np.searchsorted(self._begins, t + TIME_TOLERANCE, side="right")) - 1
+        if k >= 0 and t <= self._ends[k] + TIME_TOLERANCE:
+            return _CONTRADICTED, out
+        return doubt, out

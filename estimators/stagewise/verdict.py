@@ -49,24 +49,26 @@ class FilterVerdict:
 
 def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVerdict:
     """Run a filter over all samples of a run."""
-    samples, doubts, out = tuple(samples), [], []
-    for t, readings, command in samples:
+    run = tuple(samples)
+    doubts, out = list[str](), list[Array]()
+    for t, readings, command in run:
         estimate = estimator.update(t, readings, command)
         unsure = estimate.status in (Status.DEGRADED, Status.LOST)
         doubts.append((estimate.message or "is not sure of its estimate") if unsure else "")
         if isinstance(estimator, Guarded):
             out.append(np.asarray(estimate.extra["left_out"], np.float64))
-    t = np.array([each[0] for each in samples])
-    if not isinstance(estimator, Guarded):
-        return FilterVerdict(t, tuple(doubts), None, samples)
-    left_out = np.array(out)
-    until = np.searchsorted(t, t + MEMORY, side="right")  # a fault that is found by then may have begun
-    left_out = np.array([left_out[k:last].max(axis=0) for k, last in enumerate(until)])
+    times = np.array([each[0] for each in run])
+    if not isinstance(estimator, Guarded) or not out:
+        return FilterVerdict(times, tuple(doubts), None, run)
+    until = np.searchsorted(
+        times, times + MEMORY, side="right"
+    ).tolist()  # a fault that is found by then may have begun
+    left_out = np.array([np.max(out[k:last], axis=0) for k, last in enumerate(until)])
     kept = tuple(
         (at, estimator.without(readings, frozenset(np.flatnonzero(row).tolist())) if row.any() else readings, command)
-        for (at, readings, command), row in zip(samples, left_out, strict=True)
+        for (at, readings, command), row in zip(run, left_out, strict=True)
     )
-    return FilterVerdict(t, tuple(doubts), left_out, kept)
+    return FilterVerdict(times, tuple(doubts), left_out, kept)
 
 
 def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[float, float]]:

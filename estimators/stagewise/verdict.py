@@ -1,8 +1,8 @@
 """What tells whether a smoothed run is right: the monitor of the run's filter, and the residuals of the smoother.
 
 The filter is run over the log. What its monitor leaves out at a time, the smoother leaves out too, and since the
-earliest time at which the fault may have begun; where the filter is DEGRADED or LOST, so is what the smoother says,
-at best DEGRADED.
+earliest time at which the fault may have begun. Where the filter is DEGRADED or LOST, the smoother is DEGRADED, unless
+a channel was left out for that also since then.
 
 The filter's innovations tell of a fault when it begins, not of one that the filter has followed; the smoother's
 residuals do. Where the model holds, those of a linear smoother, whitened by the noise of the readings, have the
@@ -19,6 +19,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.guard import MEMORY, Guarded
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.estimators.stagewise.model import AssociatingModel, StagewiseModel
 from mathnavi.estimators.stagewise.smoother import SmoothedStates
 from mathnavi.interfaces.protocols import Estimator
@@ -28,7 +29,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 Sample = tuple[float, Sequence[Measurement], Array]
 """time [s], readings since the sample before, and the input (nu,) held since then"""
 _WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
-_CHANCE = 1e-9  # of an alarm of a test
+_CHANCE = 1e-7  # of an alarm of a test
 _CONTRADICTED = "its readings contradict the smoothed run"
 
 
@@ -58,17 +59,30 @@ def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVer
         if isinstance(estimator, Guarded):
             out.append(np.asarray(estimate.extra["left_out"], np.float64))
     times = np.array([each[0] for each in run])
+    left_out = np.array(out) if out else np.zeros((len(run), 0))
+    found = _since_before(times, doubts, left_out.any(axis=1))
     if not isinstance(estimator, Guarded) or not out:
-        return FilterVerdict(times, tuple(doubts), None, run)
-    until = np.searchsorted(
-        times, times + MEMORY, side="right"
-    ).tolist()  # a fault that is found by then may have begun
-    left_out = np.array([np.max(out[k:last], axis=0) for k, last in enumerate(until)])
+        return FilterVerdict(times, found, None, run)
+    until = np.searchsorted(times, times + MEMORY, side="right").tolist()
+    left_out = np.array([left_out[k:last].max(axis=0) for k, last in enumerate(until)])
     kept = tuple(
         (at, estimator.without(readings, frozenset(np.flatnonzero(row).tolist())) if row.any() else readings, command)
         for (at, readings, command), row in zip(run, left_out, strict=True)
     )
-    return FilterVerdict(times, tuple(doubts), left_out, kept)
+    return FilterVerdict(times, found, left_out, kept)
+
+
+def _since_before(t: Array, doubts: Sequence[str], explained: Flags) -> tuple[str, ...]:
+    """Doubts (n,) at t (n,) [s], each since the fault behind it may have begun; where it is ``explained`` (n,) by what
+    is left out, the rest was right meanwhile.
+    """
+    n = len(t)
+    open_ones = np.array([bool(doubt) for doubt in doubts], dtype=bool) & ~explained
+    following = np.minimum.accumulate(np.where(open_ones, np.arange(n), n)[::-1])[::-1].tolist()
+    return tuple(
+        doubts[k] or (doubts[after] if after < n and t[after] <= t[k] + MEMORY else "")
+        for k, after in enumerate(following)
+    )
 
 
 def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[float, float]]:

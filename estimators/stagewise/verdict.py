@@ -60,7 +60,7 @@ def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVer
             out.append(np.asarray(estimate.extra["left_out"], np.float64))
     times = np.array([each[0] for each in run])
     left_out = np.array(out) if out else np.zeros((len(run), 0))
-    found = _since_before(times, doubts, left_out.any(axis=1))
+    found = _since_before(times, doubts, np.asarray(left_out.any(axis=1), np.bool_))
     if not isinstance(estimator, Guarded) or not out:
         return FilterVerdict(times, found, None, run)
     until = np.searchsorted(times, times + MEMORY, side="right").tolist()

@@ -44,6 +44,9 @@ class BeaconModel:
     Raises MissionError if neither the start nor the place of a beacon is known.
     """
 
+    has_constants = True
+    """scale errors and places: a fault that reaches these reaches the whole run"""
+
     def __init__(self, mission: BeaconMission) -> None:
         self.mission = mission
         self.places = mission.places

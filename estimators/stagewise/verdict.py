@@ -88,7 +88,8 @@ def _since_before(t: Array, doubts: Sequence[str], explained: Flags) -> tuple[st
 def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[float, float]]:
     """Times [s], from the reading before to that after, of windows whose residuals cannot be chance.
 
-    A model that associates readings with walls compares them with its map by itself.
+    A model that associates readings with walls compares them with its map by itself. Of one whose state has constants,
+    such as a scale error, all times: what makes these wrong makes the whole run wrong.
     """
     if isinstance(model, AssociatingModel) and model.is_ambiguous:
         return []
@@ -117,7 +118,7 @@ def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[
             if row is not None:
                 wrong |= np.square(mean[ends] - mean[:-1]) / asked > chdtri(1, _CHANCE)
             found += [(before[k], after[ends[k]]) for k in np.flatnonzero(wrong & (count > 0.0)).tolist()]
-    return _united(found)
+    return [(-np.inf, np.inf)] if found and getattr(model, "has_constants", False) else _united(found)
 
 
 def _united(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:

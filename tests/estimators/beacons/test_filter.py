@@ -12,6 +12,8 @@ import mathnavi as mn
 from mathnavi.estimators.beacons.filter import BeaconFilter
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.unicycle.beacons import exact_readings
+from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
 from tests.estimators.beacons.drives import PLACES, Drive, drive, mission
 
 KINDS = ("ranges", "bearings", "range_differences", "ranges+bearings")
@@ -61,6 +63,23 @@ def test_the_smoother_begins_where_the_filter_found_that_the_run_began() -> None
     (filtered, _), (smoothed, _) = errors(one, driven.truth), errors(other, driven.truth)
     assert smoothed.max() < 1.0, "from the first reading on"
     assert np.square(smoothed[known]).mean() < np.square(filtered[known]).mean()
+
+
+@pytest.mark.parametrize(("beacon", "error"), [(0, 3.0), (2, 1.0), (2, None)])
+def test_the_smoother_is_not_sure_of_a_run_that_a_beacon_spoils(beacon: int, error: float | None) -> None:
+    """Without its residuals it is sure and wrong for up to a third of the run; ``error`` [m], None: stuck."""
+    driven = drive(scale=0.0, outliers=0.0)
+    ranges = np.array(driven.log.readings["beacon_ranges"])
+    late = driven.log.t >= driven.log.t[len(ranges) // 2]
+    stuck = ranges[~late, beacon][np.isfinite(ranges[~late, beacon])][-1]
+    off = ranges[late, beacon] + (0.0 if error is None else error)
+    ranges[late, beacon] = np.where(np.isfinite(off), stuck, np.nan) if error is None else off
+    log = mn.SensorLog(driven.log.t, {**driven.log.readings, "beacon_ranges": ranges})
+    found = mn.estimate(mn.smoother("beacon_bank"), mission(), log)
+    difference = found.x - driven.truth
+    difference[:, 2] = wrapped(difference[:, 2])
+    assert not sure_and_wrong(log.t, found.ok, difference, found.covariance).any()
+    assert not found.ok[late].any()
 
 
 def test_one_that_is_carried_away_is_lost_and_found_again() -> None:

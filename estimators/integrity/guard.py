@@ -272,6 +272,8 @@ class Guarded:
             if count and squares < 1.5 * windows.declared * count:
                 windows.kappa, noisy, self._quiet = windows.declared, False, 0
                 windows.clear()  # what was read with more noise is no evidence any more
+                if self._state is Status.LOST:  # it is found, and has to pass without that noise too
+                    self._state = Status.DEGRADED
         if self._quiet >= needed and not self._out and not noisy:
             self._state, self._message, self._astray = Status.OK, "", False
         elif self._quiet >= needed and self._state is not Status.INITIALISING:

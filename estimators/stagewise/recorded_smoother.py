@@ -68,7 +68,7 @@ class RecordedSmoother:
         """
         by_filter = None
         if self._recorded is not None:
-            by_filter = filter_verdict(self._recorded, samples)
+            by_filter = filter_verdict(self._recorded, self._model, samples)
             samples, self._recorded = by_filter.samples, None
         prepare = getattr(self._model, "prepare", None)  # of a model that finds its start in the run
         if prepare is not None:

@@ -29,6 +29,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 Sample = tuple[float, Sequence[Measurement], Array]
 """time [s], readings since the sample before, and the input (nu,) held since then"""
 _WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
+_IN_BUILDING = 2.0  # [s] before a doubt in which its cause may have begun, where that is a wrong wall as a rule
 _CHANCE = 1e-7  # of an alarm of a test
 _CONTRADICTED = "its readings contradict the smoothed run"
 
@@ -48,8 +49,8 @@ class FilterVerdict:
         return self.doubts[k], None if self.left_out is None else self.left_out[k]
 
 
-def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVerdict:
-    """Run a filter over all samples of a run."""
+def filter_verdict(estimator: Estimator, model: StagewiseModel, samples: Iterable[Sample]) -> FilterVerdict:
+    """Run the filter of a smoother's model over all samples of a run."""
     run = tuple(samples)
     doubts, out = list[str](), list[Array]()
     for t, readings, command in run:
@@ -60,7 +61,8 @@ def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVer
             out.append(np.asarray(estimate.extra["left_out"], np.float64))
     times = np.array([each[0] for each in run])
     left_out = np.array(out) if out else np.zeros((len(run), 0))
-    found = _since_before(times, doubts, np.asarray(left_out.any(axis=1), np.bool_))
+    before = _IN_BUILDING if _is_ambiguous(model) else MEMORY
+    found = _since_before(times, doubts, np.asarray(left_out.any(axis=1), np.bool_), before)
     if not isinstance(estimator, Guarded) or not out:
         return FilterVerdict(times, found, None, run)
     until = np.searchsorted(times, times + MEMORY, side="right").tolist()
@@ -72,15 +74,19 @@ def filter_verdict(estimator: Estimator, samples: Iterable[Sample]) -> FilterVer
     return FilterVerdict(times, found, left_out, kept)
 
 
-def _since_before(t: Array, doubts: Sequence[str], explained: Flags) -> tuple[str, ...]:
-    """Doubts (n,) at t (n,) [s], each since the fault behind it may have begun; where it is ``explained`` (n,) by what
-    is left out, the rest was right meanwhile.
+def _is_ambiguous(model: StagewiseModel) -> bool:
+    return isinstance(model, AssociatingModel) and model.is_ambiguous
+
+
+def _since_before(t: Array, doubts: Sequence[str], explained: Flags, before: float) -> tuple[str, ...]:
+    """Doubts (n,) at t (n,) [s], each since ``before`` [s], for the fault behind it may have begun then; where it is
+    ``explained`` (n,) by what is left out, the rest was right meanwhile.
     """
     n = len(t)
     open_ones = np.array([bool(doubt) for doubt in doubts], dtype=bool) & ~explained
     following = np.minimum.accumulate(np.where(open_ones, np.arange(n), n)[::-1])[::-1].tolist()
     return tuple(
-        doubts[k] or (doubts[after] if after < n and t[after] <= t[k] + MEMORY else "")
+        doubts[k] or (doubts[after] if after < n and t[after] <= t[k] + before else "")
         for k, after in enumerate(following)
     )
 
@@ -91,7 +97,7 @@ def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[
     A model that associates readings with walls compares them with its map by itself. Of one whose state has constants,
     such as a scale error, all times: what makes these wrong makes the whole run wrong.
     """
-    if isinstance(model, AssociatingModel) and model.is_ambiguous:
+    if _is_ambiguous(model):
         return []
     t, residuals = [], []
     for at, x, readings in zip(states.t.tolist(), states.x, states.used, strict=True):

@@ -84,11 +84,11 @@ class Kalman:
         from mathnavi.estimators.beacons.flight_places import PlacedFlight, check_carried
 
         check_carried(config, beacons)
-        told = replace(mission, beacons=beacons.known)
+        placed = replace(mission, beacons=beacons.known)
         by_fixes = KalmanConfig(
             **{each.name: getattr(config, each.name) for each in fields(config) if each.name not in OF_BEACONS}
         )
-        carrier: Estimator = Kalman(by_fixes, told) if told.beacons is None else guarded(config, told)
+        carrier: Estimator = Kalman(by_fixes, placed) if placed.beacons is None else guarded(config, placed)
         return PlacedFlight(carrier, config, mission, beacons)
 
     @staticmethod

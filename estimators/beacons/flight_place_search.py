@@ -116,12 +116,12 @@ class PlaceSearch:
 
     def _begin(self, i: int) -> None:
         """Fit places of beacon i, and begin a filter about each."""
-        told = [(at, y[i], kept) for kept in self._window for at, y in kept.step.ranges if math.isfinite(y[i])]
-        if len(told) < _FEWEST or told[-1][0] - told[0][0] < _SHORTEST:
+        read = [(at, y[i], kept) for kept in self._window for at, y in kept.step.ranges if math.isfinite(y[i])]
+        if len(read) < _FEWEST or read[-1][0] - read[0][0] < _SHORTEST:
             self._end("waits for its ranges")
             return
-        y, p = np.array([each[1] for each in told]), np.array([each[2].p for each in told])
-        P = np.array([each[2].P[:3, :3] for each in told])
+        y, p = np.array([each[1] for each in read]), np.array([each[2].p for each in read])
+        P = np.array([each[2].P[:3, :3] for each in read])
         fits = place_fits(p, P, y, self._std, outliers=self._outliers)
         if len(fits) > _MOST:
             self._end("other places explain its ranges as well")
@@ -132,9 +132,9 @@ class PlaceSearch:
 
     def _run(self, i: int, fit: PlaceFit | Array) -> _Run:
         place = fit.place if isinstance(fit, PlaceFit) else fit
-        told = {} if self.joint is None else {k: self.joint.place(k)[0] for k in self.joint.numbers}
+        placed = {} if self.joint is None else {k: self.joint.place(k)[0] for k in self.joint.numbers}
         first = self._window[0]
-        about = {k: (each, math.dist(each, first.p)) for k, each in (*told.items(), (i, place))}
+        about = {k: (each, math.dist(each, first.p)) for k, each in (*placed.items(), (i, place))}
         return _Run(JointFlight(self._noise, first.t, first.x, first.P, about), i, place)
 
     def _compare(self) -> None:

@@ -13,6 +13,7 @@ from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.beacon_names import DIFFERENCES
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.metrics.beacon_places import found_figures
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.posterior_bound import BoundRecursion, PosteriorBound, judged_bound
 
@@ -55,26 +56,14 @@ def place_figures(recording: Recording, name: str, beacons: FlightBeacons, unkno
     """Figures of the places that the estimator of one vehicle has in the end of ``unknown`` beacons, which are at
     ``beacons``; empty without any. A standard deviation is that in the worst direction.
     """
-    if not unknown:
-        return {}
     estimates = recording.agents[name].estimates
     extra = estimates[-1].extra if estimates else {}
-    words, errors, deviations = [], [], []
-    for i in unknown:
-        place = extra["beacon_places"][i] if "beacon_places" in extra else np.full(3, np.nan)
-        if not np.isfinite(place).all():
-            words.append(f"{i}: not found")
-            continue
-        errors.append(float(np.linalg.norm(place - beacons.array[i])))
-        deviations.append(float(np.sqrt(np.linalg.eigvalsh(extra["beacon_places_covariance"][i])[-1])))
-        where = f"({place[0]:.1f}, {place[1]:.1f}, {place[2]:.1f}) m"
-        words.append(f"{i}: {where}, sigma {deviations[-1]:.2g} m, error {errors[-1]:.2g} m")
-    return {
-        "beacons_found": len(errors),
-        "beacon_error_max_m": max(errors, default=None),
-        "beacon_deviation_max_m": max(deviations, default=None),
-        "beacon_places": "; ".join(words),
-    }
+    found = {}
+    for i in unknown if "beacon_places" in extra else ():
+        place = extra["beacon_places"][i]
+        if np.isfinite(place).all():
+            found[i] = place, float(np.sqrt(np.linalg.eigvalsh(extra["beacon_places_covariance"][i])[-1]))
+    return found_figures(found, beacons.array.tolist(), unknown, 1)
 
 
 def _unanswered(readings: list[Array]) -> float | None:

@@ -26,6 +26,7 @@ from mathnavi.models.unicycle.entity import RADIUS
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import AgentRecorder, Recording
+from mathnavi.sim.metrics.beacon_places import found_figures
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.convergence import last_quarter
 from mathnavi.sim.metrics.planning import planner_share
@@ -199,27 +200,14 @@ def beacons_summary(
 
     Their true places are ``places`` [m]. A standard deviation is that of both coordinates together.
     """
-    if not mission.unknown:
-        return {}
     estimates = recording.agents[name].estimates
     extra = estimates[-1].extra if estimates else {}
-    words, errors, deviations = [], [], []
-    for i in mission.unknown:
+    found = {}
+    for i in mission.unknown if "beacons" in extra else ():
         at = slice(2 * i, 2 * i + 2)
-        place = extra["beacons"][at] if "beacons" in extra else np.full(2, np.nan)
-        if not np.isfinite(place).all():
-            words.append(f"{i}: not found")
-            continue
-        errors.append(math.dist(place, places[i]))
-        deviations.append(math.sqrt(float(np.trace(extra["beacons_covariance"][at, at]))))
-        where = f"({place[0]:.2f}, {place[1]:.2f}) m"
-        words.append(f"{i}: {where}, sigma {deviations[-1]:.2g} m, error {errors[-1]:.2g} m")
-    return {
-        "beacons_found": len(errors),
-        "beacon_error_max_m": max(errors, default=None),
-        "beacon_deviation_max_m": max(deviations, default=None),
-        "beacon_places": "; ".join(words),
-    }
+        if np.isfinite(extra["beacons"][at]).all():
+            found[i] = extra["beacons"][at], math.sqrt(float(np.trace(extra["beacons_covariance"][at, at])))
+    return found_figures(found, places, mission.unknown, 2)
 
 
 def _newest(recording: Recording, name: str) -> Integers:

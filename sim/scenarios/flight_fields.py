@@ -101,7 +101,7 @@ class FlightBeaconFields:
                 "which places are found"
             )
 
-    def told(self) -> FlightBeacons | None:
+    def given(self) -> FlightBeacons | None:
         """Beacons as a mission declares them to an estimator; None without any."""
         true = self.declared()
         if true is None or not self.unknown:

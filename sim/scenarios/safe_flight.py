@@ -171,7 +171,7 @@ def summarise(
 def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission, Plan]:
     """Mission as known at the start, and its first plan."""
     charted = map_of(config)
-    radars, beacons = config.radars_at(0.0, charted), config.beacons.told()
+    radars, beacons = config.radars_at(0.0, charted), config.beacons.given()
     bare = mission_but_ends(config, charted, parts.estimator, radars, beacons)
 
     plans = FirstPlans(parts)

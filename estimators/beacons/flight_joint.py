@@ -34,7 +34,7 @@ _I3 = np.eye(3)
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What was read up to a time."""
+    """Readings up to a time."""
 
     t: float  # [s]
     command: Array  # (3,) [m/s^2] since the step before
@@ -44,7 +44,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """What a joint filter assumes of its readings and of the motion."""
+    """Assumptions of a joint filter on its readings and on the motion."""
 
     axis: AxisModel
     rows: BeaconRows | None  # of the beacons at known places

@@ -25,7 +25,7 @@ _CAUCHY = 25.0  # q
 _APART = 16.0  # squared Mahalanobis distance from which on a place is another one
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 NEARLY = 60.0
-"""by which the cost of another minimum may be greater to be returned"""
+"""largest cost of another minimum that is returned, less the least"""
 
 
 @dataclass(frozen=True, eq=False)

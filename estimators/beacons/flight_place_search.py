@@ -27,7 +27,7 @@ from mathnavi.estimators.beacons.flight_place_fit import PlaceFit, place_fits
 from mathnavi.interfaces.signals import Array
 
 CHANCE = 1e-7
-"""of a false alarm of a test"""
+"""probability of a false alarm of a test"""
 _FEWEST, _SHORTEST = 30, 5.0  # ranges of a beacon, and time [s] that they span, before it is searched
 _MOST = 4  # places that are compared
 _EXCLUDED = 20.0  # logarithm of how much likelier the best place is than another one
@@ -89,7 +89,7 @@ class PlaceSearch:
         """why a place is not known, by the number of the beacon"""
 
     def add(self, step: Step) -> None:
-        """What was read after the search began."""
+        """Add a step that was read after the search began."""
         self._later.append(step)
 
     def go_on(self, steps: int) -> bool:

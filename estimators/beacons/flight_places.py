@@ -139,7 +139,7 @@ class PlacedFlight:
     def _step(
         self, t: float, command: Array, fixes: list[tuple[float, Array]], ranges: list[tuple[float, Array]]
     ) -> Step:
-        """What was read, without what the carrier leaves out."""
+        """Readings without the channels that the carrier leaves out."""
         n, out = len(self._beacons.places), self._channels[self._out > 0.0]
         for at, y in ranges:
             y[out[out < n]] = np.nan

@@ -1,4 +1,4 @@
-"""What tells whether a smoothed run is right: the monitor of the run's filter, and the residuals of the smoother.
+"""Integrity of a smoothed run: the monitor of the run's filter, and the residuals of the smoother.
 
 The filter is run over the log. What its monitor leaves out at a time, the smoother leaves out too, and since the
 earliest time at which the fault may have begun. Where the filter is DEGRADED or LOST, the smoother is DEGRADED, unless
@@ -36,7 +36,7 @@ _CONTRADICTED = "its readings contradict the smoothed run"
 
 @dataclass(frozen=True, eq=False)
 class FilterVerdict:
-    """What the filter of a run says at the times t (n,) [s] of its samples."""
+    """Judgement of a run by its filter, at the times t (n,) [s] of its samples."""
 
     t: Array
     doubts: tuple[str, ...]  # (n,) why it is not sure; empty where it is
@@ -139,7 +139,7 @@ def _united(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
 
 
 class Verdict:
-    """What both say of a smoothed run."""
+    """Judgement of a smoothed run by its filter and by its residuals."""
 
     def __init__(self, by_filter: FilterVerdict | None, spans: Sequence[tuple[float, float]]) -> None:
         """``spans`` are the ``contradictions``; without a filter they alone count."""

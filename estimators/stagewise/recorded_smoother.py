@@ -122,24 +122,30 @@ class Smoothing:
         filter.
         """
         self.__qualname__ = type(self).__qualname__
-        self._plugin, self._config = plugin, config
+        self.plugin, self._config = plugin, config
         self._model_of = model_of(plugin)
 
     def build(self, config: SmootherConfig, mission: Any) -> RecordedSmoother:
         """Build the smoother of one run."""
         timeout = float(getattr(self._config, "timeout", np.inf))  # a filter of somebody else's may declare none
-        patient = replace(self._config, timeout=max(timeout, _PATIENT)) if np.isfinite(timeout) else self._config
-        recorded: Estimator = self._plugin.build(patient, mission)
+        patient = self._config
+        if np.isfinite(timeout) and _is_own(self.plugin):  # what another one means by it is not known
+            patient = replace(self._config, timeout=max(timeout, _PATIENT))
+        recorded: Estimator = self.plugin.build(patient, mission)
         return RecordedSmoother(config, self._model_of(self._config, mission), recorded.period, timeout, recorded)
 
     def sensors(self, config: SmootherConfig, mission: Any) -> tuple[Sensor, ...]:
         """Sensors of the recorded estimator."""
-        sensors: tuple[Sensor, ...] = self._plugin.sensors(self._config, mission)
+        sensors: tuple[Sensor, ...] = self.plugin.sensors(self._config, mission)
         return sensors
 
     def quality(self, config: SmootherConfig, mission: Any) -> Any:
         """Quality of the recorded estimator; that of the smoother is at least as good."""
-        return self._plugin.quality(self._config, mission)
+        return self.plugin.quality(self._config, mission)
+
+
+def _is_own(plugin: Any) -> bool:
+    return str(plugin.__module__).partition(".")[0] == "mathnavi"
 
 
 def model_of(plugin: Any) -> Any:
@@ -151,7 +157,7 @@ def model_of(plugin: Any) -> Any:
     if hasattr(plugin, "stagewise_model"):
         return plugin.stagewise_model
     name = plugin.__qualname__
-    if plugin.__module__.partition(".")[0] == "mathnavi":
+    if _is_own(plugin):
         if name == "Kalman":
             from mathnavi.estimators.stagewise.flight import FlightModel
 

@@ -254,7 +254,8 @@ def estimate(
     if not trust_units and (said := finished(check)):
         raise LogError(f"{log.source}: {said}; trust_units=True takes them as they are")
     if past is not None:
-        with raising(LogError):
+        filtered = spec.plugin.plugin if isinstance(spec.plugin, Smoothing) else spec.plugin
+        with raising(LogError), of_stranger(filtered, f"estimators: {name!r}: its filter failed over the log:"):
             past.smooth((t, _read(readings, k, t), commands[k]) for k, t in enumerate(log.t.tolist()))
     found_at: list[Estimate] = []
     for k, t in enumerate(log.t.tolist()):

@@ -18,7 +18,7 @@ from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.answer_times import ESTIMATOR
 from mathnavi.sim.engine.log import Recording, names_of
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
-from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.plugin.registry import PluginSpec, of_stranger
 from mathnavi.sim.records.event_kinds import SIGN, of_estimator
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS
 from mathnavi.sim.records.run_folder import ARRAYS, RunLog
@@ -69,7 +69,8 @@ def played_back(closed_loop: ClosedLoop, log: RunLog, name: str, recorded: Plugi
         made |= {"mission": log.config["mission"]}
     if isinstance(agent.estimator, RecordedSmoother):
         try:
-            agent.estimator.smooth(past.samples())
+            with of_stranger(recorded.plugin, f"{SMOOTHER} over {log.directory}: its filter failed:"):
+                agent.estimator.smooth(past.samples())
         except (ValueError, ArithmeticError) as error:  # LinAlgError is a ValueError
             raise ArgumentError(f"{SMOOTHER} over {log.directory}: {error}") from error
         made |= {"estimator": {"name": recorded.name, "fields": plain(recorded.config)}}

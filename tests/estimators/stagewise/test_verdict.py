@@ -4,15 +4,23 @@ that contradict the run are said.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Annotated
+
 import numpy as np
 import pytest
+from annotated_types import Le
 
+import mathnavi as mn
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.kalman import Kalman
 from mathnavi.estimators.ranging.pose_filter import PoseFilterConfig, RangeEkf
 from mathnavi.estimators.stagewise.flight import FlightModel
 from mathnavi.estimators.stagewise.recorded_smoother import RecordedSmoother, SmootherConfig, Smoothing
-from mathnavi.interfaces.signals import Array, Status
+from mathnavi.interfaces.bounds import configuration
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
@@ -92,3 +100,34 @@ def test_a_robot_is_never_sure_and_wrong_of_where_it_was(fault: str) -> None:
     assert not sure_and_wrong(t, ok, difference, P).any()
     assert ok.all() if fault == "none" else not ok.all()
     assert ok[t > 28.0].any() or fault == "odometry times 1.1"
+
+
+@configuration
+class Impatient:
+    """Fields of a filter that is never patient."""
+
+    timeout: Annotated[float, Le(1.0)] = 0.5
+
+
+class Failing:
+    """A filter of somebody else's whose update fails."""
+
+    Config = Impatient
+    period = PERIOD
+
+    build = staticmethod(lambda config, mission: Failing())
+    sensors = staticmethod(lambda config, mission: Kalman.sensors(CONFIG, mission))
+    quality = staticmethod(lambda config, mission: Kalman.quality(CONFIG, mission))
+    stagewise_model = staticmethod(lambda config, mission: FlightModel.from_config(CONFIG, mission))
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        raise RuntimeError("no such sensor")
+
+
+def test_a_filter_that_fails_is_named() -> None:
+    mission = FlightMission(
+        HeightField(np.zeros((3, 3)), 3000.0), (0.0, 0.0, 100.0), (5000.0, 5000.0, 500.0), control_period=PERIOD
+    )
+    log = mn.SensorLog(PERIOD * np.arange(50), {"position": np.zeros((50, 3))}, np.zeros((50, 3)))
+    with pytest.raises(ValueError, match=r"its filter failed over the log:.*no such sensor"):
+        mn.estimate(mn.smoother(Failing), mission, log)

@@ -196,6 +196,18 @@ class BeaconBank:
                 self._keep(weights / weights.sum())
         return answers
 
+    def innovation(self, row: int, y: float) -> tuple[float, float] | None:
+        """nu and s of a reading by the heaviest filter, which stays as it is; None where it says nothing."""
+        kind, i = self._model.entries[row]
+        if not self.begun or not self._model.says(kind, i):
+            return None
+        found, best = np.empty((1, 3)), [self.best]
+        condition(
+            self.x[best], self.P[best], np.zeros(1), y, kind, i, self._model.places, self._model.columns,
+            self._errors[kind], found,
+        )  # fmt: skip
+        return float(found[0, 0]), float(found[0, 1])
+
     def _keep(self, weights: Array) -> None:
         """Drop the lightest, and merge those that meet."""
         kept = np.flatnonzero(weights > _LEAST_WEIGHT * weights.max())

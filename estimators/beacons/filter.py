@@ -20,19 +20,25 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from mathnavi.estimators.beacons.bank import BeaconBank
 from mathnavi.estimators.beacons.batch import BatchFit
 from mathnavi.estimators.beacons.kernels import STATES
 from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
+from mathnavi.estimators.beacons.separation import SolutionSeparation, mistrust
 from mathnavi.estimators.beacons.smoothing import StartFindingModel
+from mathnavi.estimators.beacons.witness import TESTED, RobotBeaconWitness, pace_of
+from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.ranging.model import chi_square_gate
-from mathnavi.estimators.stagewise.model import StageBuilder
+from mathnavi.estimators.stagewise.model import Piece, StageBuilder
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, waiting, worst
 from mathnavi.interfaces.bounds import Positive, PositiveFraction, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -45,10 +51,13 @@ _HEADING = math.radians(20.0)  # [rad] to which a heading is known once the pose
 _FEWEST = 6  # readings until it is
 _RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of a pose that is wrong
 _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is not known any more
-_SHARE = 3.0  # standard deviations by which more readings may be refused than are declared as outliers
-_COUNTED = 100  # readings over which that is
+_COUNTED = (4, 8, 16, 32, 64, 128)  # last readings of which no more may be refused than are declared as outliers
+_CHANCE = 1e-5  # with which more of these are
 _SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
 _GROWTH, _LEAST_GROWTH = 1.05, 4  # of the stages, and number of them, until the batch fit is made again
+_SEPARATE, _DOUBTED = float(chdtri(3, 1e-3)), 5.0  # square of a separation that is in doubt, and for how long [s]
+_TRUSTED = 5.0  # [s] for which mistrusted odometry is tested, times the pace
+_COST = 3e-4  # [s] of an update that is run again
 _SHOWN = 16  # hypotheses that an estimate carries
 
 
@@ -76,11 +85,14 @@ class BeaconFilter:
         self.model = BeaconModel(mission)
         self.bank = BeaconBank(self.model, chi_square_gate(config.gate))
         self.figures: Mapping[str, tuple[str, ...]] = {"scales": _SCALES, **self.model.figures}
-        self._stages, self.counts = StageBuilder(self.model), ReadingCounts()
+        self._stages, self.counts = StageBuilder(TestedReadings(self.model)), ReadingCounts()
         interval = mission.interval or mission.period
         self._beacons = TimeoutMonitor(config.timeout, interval)
         self._odometry = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
         self._monitor = InnovationMonitor("readings", 1, interval)
+        gate, lasts = chi_square_gate(config.gate), _TRUSTED * pace_of(mission)
+        self._separation = None if mission.unknown else SolutionSeparation(self.model, gate, lasts)
+        self._innovations = np.full((3, self.model.rows), np.nan)  # nu, their deviations, and whitened ones
         self._fits = InnovationMean(chi_square_gate(config.gate))
         self._farthest = config.found * mission.longest  # [m]
         self._outliers = max(quality.outliers for quality in mission.qualities if quality is not None)
@@ -98,7 +110,8 @@ class BeaconFilter:
         self._stage = 0
         self._again = False  # True from a new beginning on
         self._used = 0  # readings since the beginning
-        self._refused: deque[bool] = deque(maxlen=_COUNTED)
+        self._refused: deque[bool] = deque(maxlen=_COUNTED[-1])
+        self._most_refused = [(n, most_of(n, self._outliers)) for n in _COUNTED]
         self._nis = np.full(2, np.nan)
         if mission.start is not None and mission.begins is not None:
             self._stages.add(mission.begins, (), np.zeros(2))
@@ -106,9 +119,13 @@ class BeaconFilter:
             self._begin(None)
 
     @staticmethod
-    def build(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconFilter:
-        """Build the estimator of one run."""
-        return BeaconFilter(config, beacons_of(mission))
+    def build(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconFilter | Guarded:
+        """Build the estimator of one run, with its monitor where all places are known."""
+        known = beacons_of(mission)
+        made = BeaconFilter(config, known)
+        if known.unknown:
+            return made
+        return GuardedRobot(config, known)
 
     @staticmethod
     def sensors(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> tuple[Sensor, ...]:
@@ -153,20 +170,27 @@ class BeaconFilter:
         self._count(measurements)
         if any(self.model.odometry(each) is not None for each in measurements):
             self._odometry.note(t)
-        self._nis[:] = np.nan
+        self._nis[:] = self._innovations[:] = np.nan
         for stage in self._stages.add(t, measurements, command):
             if self.bank.begun:
                 for h, u in stage.inputs:
                     self.bank.predict(u, h)
+                    if self._separation is not None and self._separation.mistrusts:
+                        mistrust(self.bank.x, self.bank.P, h)
+                    if self._separation is not None and self.found:
+                        self._separation.predict(u, h)
                 if self._batch is not None:
                     self._batch.move(stage.inputs)
             self._stage += bool(stage.readings)
-            for y in stage.readings:
+            for y, tested in stage.readings:
+                self._test(y, tested)
                 self._take(stage.t, y)
         return self._estimate(t)
 
     def _count(self, measurements: Sequence[Measurement]) -> None:
         for each in measurements:
+            if each.name.endswith(TESTED):
+                continue
             reason = self.model.unused(each)
             if reason is None and self._stages.is_late(each.t) and each.name != ODOMETRY:
                 reason = Unused.LATE
@@ -191,8 +215,19 @@ class BeaconFilter:
             each.clear()
         return True
 
+    def _test(self, *readings: Array) -> None:
+        """Note the innovations of readings (rows,) that are not used yet, by the heaviest filter."""
+        if not self.found:
+            return
+        for y in readings:
+            for row in np.flatnonzero(np.isfinite(y)).tolist():
+                if (found := self.bank.innovation(row, float(y[row]))) is not None:
+                    self._innovations[0, row], self._innovations[1, row] = found[0], math.sqrt(found[1])
+
     def _take(self, t: float, y: Array) -> None:
         """Condition on the readings y (rows,) of t [s]."""
+        if not np.isfinite(y).any():  # of beacons that are left out
+            return
         if (not self.bank.begun or (self._is_unknown() and self.found)) and self._begin(y):
             self._again = self._again or self.found
             self.found = False
@@ -202,6 +237,8 @@ class BeaconFilter:
         answers = self.bank.condition(y)
         if self._batch is not None:
             self._batch.read(y)
+        if self._separation is not None and known:
+            self._separation.condition(y)
         squares = np.array([nu * nu / s for _, nu, s, _ in answers])
         refused = np.array([beta < 0.5 for *_, beta in answers], dtype=bool)
         self._note_unknown(y, answers, refused)
@@ -217,11 +254,16 @@ class BeaconFilter:
         if known:
             declared = self._as_declared()
             for (row, nu, s, _), out in zip(answers, refused.tolist(), strict=True):
-                if not (out and declared):
+                if out and declared:
+                    self._innovations[:2, row] = np.nan
+                else:
+                    self._innovations[2, row] = nu / math.sqrt(s)
                     self._monitor.note(t, np.array([nu]), np.array([[s]]), np.array([[self._noise(row, s)]]))
         elif self._is_found() and self._is_confirmed():
             self.found = True
             self._monitor.begin_again()
+            if self._separation is not None:
+                self._separation.begin(*self.bank.moments())
             if self._again:
                 self._beacons.restart(t)
             self._again = False
@@ -309,8 +351,9 @@ class BeaconFilter:
 
     def _as_declared(self) -> bool:
         """True while no more readings are refused than are declared as outliers."""
-        count, share = len(self._refused), self._outliers
-        return sum(self._refused) <= share * count + _SHARE * math.sqrt(share * (1.0 - share) * count)
+        refused = list(self._refused)
+        all_of_them = [refused, *(list(each) for each in self._refused_of)]
+        return all(sum(each[-n:]) <= most for each in all_of_them for n, most in self._most_refused)
 
     def _is_found(self) -> bool:
         if self._used < _FEWEST:
@@ -334,6 +377,10 @@ class BeaconFilter:
         else:
             x, P = self.bank.moments()
             P = P * self._monitor.inflation
+        known = self._separation
+        if known is not None and self.found and (better := known.judge(x, P)) is not None:
+            x, P = better
+            self.bank.settle(x, P)
         status, message = self._status(t, P[:3, :3])
         poses, scores = self.bank.heaviest(_SHOWN)
         extra = {
@@ -341,6 +388,10 @@ class BeaconFilter:
             "hypotheses": poses,
             "scores": scores,
             "scales": x[3:6].copy(),
+            **({} if known is None else {"separation": known.squares, "protection": known.level}),
+            "innovations": self._innovations[0].copy(),
+            "innovation_std": self._innovations[1].copy(),
+            "whitened_innovations": self._innovations[2].copy(),
             **self._places(x, P),
             **self.counts.extra,
         }
@@ -377,5 +428,69 @@ class BeaconFilter:
         odometry = Status.OK if odometry is Status.INITIALISING else odometry
         if not self._fitted:
             return Status.DEGRADED, "no state fits all readings since the beginning"
+        if self._separation is not None:  # its monitor judges
+            return worst(status, odometry), ""
         found = worst(status, odometry, self._monitor.status(t))
         return found, self._monitor.message if found is not Status.OK else ""
+
+    def doubt(self, t: float) -> tuple[Status, str]:
+        """Status at t [s] by the innovations of all beacons together and by its odometry, and why."""
+        if self._separation is not None and self._separation.mistrusts:
+            return worst(self._monitor.status(t), Status.DEGRADED), "finds that its odometry is worse than declared"
+        return self._monitor.status(t), self._monitor.message
+
+
+def most_of(n: int, share: float) -> int:
+    """Number of n things, each of which is with a probability ``share``, that is exceeded with one of at most 1e-5."""
+    beyond, most = 1.0, -1
+    while beyond > _CHANCE and most < n:
+        most += 1
+        beyond -= math.comb(n, most) * share**most * (1.0 - share) ** (n - most)
+    return most
+
+
+class GuardedRobot(Guarded):
+    """The filter with its monitor, where all places are known.
+
+    What nothing explains, such as odometry that is wrong, is remembered: innovations are small again once the estimate
+    has followed it.
+    """
+
+    def __init__(self, config: BeaconBankConfig, mission: BeaconMission) -> None:
+        made, n = BeaconFilter(config, mission), len(mission.beacons)
+        super().__init__(
+            made, RobotBeaconWitness(made.model), most_out=min(2, max(n - 2, 1)), cost=_COST,
+            rival=partial(BeaconFilter, config, replace(mission, start=None)), pace=pace_of(mission),
+        )  # fmt: skip
+        self._doubted = -math.inf  # [s]
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        estimate = super().update(t, measurements, command)
+        assert isinstance(self.estimator, BeaconFilter)
+        status, message = self.estimator.doubt(t)
+        if estimate.extra["separation"].max() > _SEPARATE:
+            self._doubted = t
+        if status is Status.OK and t - self._doubted < _DOUBTED:
+            status, message = Status.DEGRADED, "differs from what it is without one of its beacons, or of odometry"
+        if worst(status, estimate.status) is estimate.status:
+            return estimate
+        return replace(estimate, status=status, message=message)
+
+
+class TestedReadings:
+    """Readings (2, rows) of a robot among beacons: those that are used, and those that are only tested."""
+
+    def __init__(self, model: BeaconModel) -> None:
+        self._model = model
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        return self._model.inputs(begin, end, measurements, command)
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        tested = measurement.name.endswith(TESTED)
+        name = measurement.name.removesuffix(TESTED)
+        y = self._model.reading(replace(measurement, name=name) if tested else measurement)
+        if y is None:
+            return None
+        nothing = np.full_like(y, np.nan)
+        return np.stack((nothing, y) if tested else (y, nothing))

@@ -9,7 +9,6 @@ is left out are tested too.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -19,8 +18,8 @@ from scipy.linalg import block_diag
 from scipy.special import chdtri
 
 from mathnavi.estimators.flight_model import KalmanConfig
-from mathnavi.estimators.integrity.joint_mean import JointMean
-from mathnavi.estimators.integrity.windows import CLIP, IMPOSSIBLE, MEAN, QUIET, Flags, Thresholds, Windows, Worst
+from mathnavi.estimators.integrity.number_tests import NumberTests
+from mathnavi.estimators.integrity.windows import IMPOSSIBLE, Flags, Worst
 from mathnavi.estimators.integrity.witness import is_plausible
 from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement
 from mathnavi.models.aerial.beacon_readings import AZIMUTH, DIFFERENCE, LEAST_ANGLE, BeaconRows, curvature_effects
@@ -30,10 +29,6 @@ from mathnavi.models.angles import wrapped
 from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES
 
 _WINDOWS = (0.5, 2.0, 5.0)  # [s]
-_SLOW = 2  # the longest of these, over which the mean of all is tested: a leap is found by the others first
-_LEAP = 2.0  # readings, over which a leap is tested before the filter has followed it
-_FALSE_LEAP = 0.01 / 60.0  # [1/s] of false alarms of that
-_REPEATS, _MOVED = 3, 6.0  # repeated readings, and deviations that the prediction has moved meanwhile: stuck
 _ALIKE = float(chdtri(6, 1e-3))
 FIXES = "position"
 """name of the sensor of fixes"""
@@ -44,35 +39,23 @@ UNREFERENCED = "beacon_differences without beacon 0"
 UNTRUSTED = 1e10  # [m^2] variance of that arrival
 
 
-class BeaconWitness:
+class BeaconWitness(NumberTests):
     """Tests of (x, P) (6,) against the readings of beacons and the fixes of a flight."""
-
-    rebuilt: frozenset[int] = frozenset()
-    suspicious = doubtful = False  # the estimator puts nothing down to anything else
 
     def __init__(self, beacons: FlightBeacons, mission: FlightMission, config: KalmanConfig) -> None:
         n = len(beacons.places)
         self._rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
         axes = tuple(f"fix {axis}" for axis in "xyz") if config.fixes else ()
-        self.names, self.strict = (*beacons.names(), *axes), False
-        self._size = size = rows.size + len(axes)
-        self._channel = np.append(rows.beacons, n + np.arange(len(axes)))  # (size,) of each number
+        self.names = (*beacons.names(), *axes)
+        self._size = rows.size + len(axes)
+        channels = np.append(rows.beacons, n + np.arange(len(axes)))
         fixed = np.eye(len(axes)) * max(mission.position_noise, config.noise_floor) ** 2
         self._R = block_diag(rows.covariance(np.arange(rows.size)), fixed)
         self._gust = mission.gust.rms**2
-        m = beacons.outliers
-        thresholds = Thresholds.of(size, mission.control_period, _WINDOWS, _SLOW)
-        self.windows = Windows(thresholds, size, 1.0 - m + m * CLIP**2)
-        self._mean = JointMean(thresholds.lengths[-_SLOW:], size, thresholds.alpha)
-        two = np.array([max(2, round(_LEAP / beacons.rate / mission.control_period))])
-        clip = CLIP if m > 0.0 else math.inf
-        self._leap = JointMean(two, size, _FALSE_LEAP / beacons.rate, fewest=2, clip=clip)
-        self._own = JointMean(two, size, thresholds.alpha, fewest=2, clip=clip)  # of each number, left out or not
-        self._nothing = np.full(size, np.nan)
-        self._last, self._first, self._moved = (self._nothing.copy() for _ in range(3))
-        self._repeats, self._most = np.zeros(size, dtype=np.int64), 0
-        self._worst = QUIET
-        self._level = np.full(1, np.nan)
+        super().__init__(
+            channels, np.sqrt(self._R.diagonal()), mission.control_period, 1.0 / beacons.rate, _WINDOWS,
+            beacons.outliers,
+        )  # fmt: skip
 
     def take(
         self, before: Estimate | None, after: Estimate, measurements: Sequence[Measurement], command: Array, used: Flags
@@ -84,10 +67,7 @@ class BeaconWitness:
         y, t = self._newest(measurements) if known else (self._nothing, after.t)
         read = np.isfinite(y)
         if not known or not read.any():
-            self.windows.add(self._nothing, self._nothing)
-            self._mean.add(self._nothing)
-            self._leap.add(self._nothing)
-            self._own.add(self._nothing)
+            self.add(self._nothing, self._nothing)
             return self._worst
         assert before is not None
         relied = used[self._channel]
@@ -104,15 +84,9 @@ class BeaconWitness:
         rows = np.flatnonzero(read & relied)
         if len(rows):
             white[rows] = np.linalg.solve(np.linalg.cholesky(S[np.ix_(rows, rows)]), nu[rows])
-        self.windows.add(e, white)
-        self._mean.add(white)
-        self._leap.add(white)
-        self._own.add(e)
-        self._note_repeats(y, expected, read)
-        self._worst = self._of_channels(self.windows.worst(relied))
-        if (together := self._mean.worst(self.windows.kappa)) > self._worst.ratio:
-            self._worst = Worst(together, MEAN, -1)
-        return self._worst
+        self.add(e, white)
+        self.note_repeats(y, expected, read)
+        return self.worst_of(relied)
 
     def _test_arrival(self, e: Array, nu: Array, S: Array, shared: Integers, kept: Integers, *, trusted: bool) -> Array:
         """Test the arrival from beacon 0, which the rows ``shared`` have in common, by the mean of those that are
@@ -138,10 +112,6 @@ class BeaconWitness:
         S = S.copy()
         S[np.ix_(shared, shared)] += UNTRUSTED
         return S
-
-    def _of_channels(self, worst: Worst) -> Worst:
-        """The worst test by its channel in place of its number."""
-        return worst if worst.channel < 0 else worst._replace(channel=int(self._channel[worst.channel]))
 
     def _predicted(self, before: Estimate, t: float, command: Array) -> tuple[Array, Array]:
         """Expected numbers (size,) at t [s] and their covariance (size, size)."""
@@ -171,50 +141,6 @@ class BeaconWitness:
                 y[own] = np.where(np.isfinite(each.value), each.value, np.nan)
         return y, t
 
-    def _note_repeats(self, y: Array, expected: Array, read: Flags) -> None:
-        same = read & (y == self._last)
-        self._repeats = np.where(same, self._repeats + 1, np.where(read, 0, self._repeats))
-        self._most = int(self._repeats.max())
-        self._first = np.where(read & ~same, expected, self._first)
-        self._moved = np.where(read, expected, self._moved)
-        self._last = np.where(read, y, self._last)
-
-    @property
-    def leap(self) -> float:
-        """Statistic of a leap over its threshold: of the last two readings, before a filter has followed them."""
-        return self._leap.worst(self.windows.kappa)
-
-    @property
-    def protection(self) -> Array:
-        """Not known."""
-        return self._level
-
-    def stuck(self) -> list[int]:
-        if self._most < _REPEATS:
-            return []
-        moved = np.abs(self._moved - self._first) > _MOVED * np.sqrt(self._R.diagonal())
-        stays = (self._repeats >= _REPEATS) & moved
-        return sorted({int(each) for each in self._channel[stays]})
-
-    def _numbers(self, channel: int) -> list[int]:
-        """Numbers of a channel."""
-        return np.flatnonzero(self._channel == channel).tolist()
-
-    def against(self, channel: int) -> float:
-        kappa, numbers = self.windows.kappa, self._numbers(channel)
-        leaps = (self._own.worst(kappa, slice(k, k + 1)) for k in numbers)  # where all together alarm at once
-        return max(*leaps, *(self.windows.of_channel(k) for k in numbers))
-
-    def is_quiet(self, channel: int, updates: int) -> bool:
-        return all(self.windows.is_quiet(k, updates) for k in self._numbers(channel))
-
-    def forget(self, channel: int) -> None:
-        for k in self._numbers(channel):
-            self.windows.forget(k)
-            self._mean.forget(k)
-            self._leap.forget(k)
-            self._own.forget(k)
-
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
         n = len(self._rows.places)
         beacons, fixed = [i for i in out if i < n], [i - n for i in out if i >= n]
@@ -238,16 +164,3 @@ class BeaconWitness:
         assert other.covariance is not None
         d = one.x - other.x
         return float(d @ np.linalg.solve(one.covariance + other.covariance, d)) < _ALIKE
-
-    def clear(self) -> None:
-        self.windows.clear()
-        self._mean.clear()
-        self._leap.clear()
-        self._own.clear()
-        self._worst = QUIET
-
-    def copy(self) -> BeaconWitness:
-        made = copy.copy(self)
-        made.windows, made._mean = self.windows.copy(), self._mean.copy()
-        made._leap, made._own = self._leap.copy(), self._own.copy()
-        return made

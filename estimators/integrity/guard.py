@@ -34,7 +34,7 @@ import numpy as np
 
 from mathnavi.estimators.integrity.isolation import Explanation, Question, Reading, Replay, Search, Start, search
 from mathnavi.estimators.integrity.rival import Rivalry, Verdict
-from mathnavi.estimators.integrity.windows import ENERGY, IMPOSSIBLE, JOINT, MEAN, RECKONED, Windows
+from mathnavi.estimators.integrity.windows import ENERGY, IMPOSSIBLE, JOINT, MEAN, RECKONED, SEPARATED, Windows
 from mathnavi.estimators.integrity.witness import Recovery, Restart, Witness, is_plausible
 from mathnavi.estimators.timeout_monitor import worst
 from mathnavi.interfaces.protocols import Estimator
@@ -43,7 +43,7 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
 _SNAPSHOT = 0.5  # [s] between copies of the estimator
 MEMORY = 8.0
-"""time [s] for which copies and readings are kept: a fault that is named began no earlier"""
+"""time [s] for which copies and readings are kept: a fault that is named began no earlier, but for the ``pace``"""
 _SETTLED = 2.0  # [s] without an alarm until the estimate is OK again, or for the first time where that is asked
 _FOUND = 5.0  # [s] likewise, after it was lost
 _READMITTED, _LONGEST = 2.0, 30.0  # [s] for which a channel has to pass its tests, at first and at most
@@ -55,7 +55,10 @@ _SHARE = 0.2  # of the period that replays may take
 COST = 1.5e-4
 """[s] of an update that is run again, on a common computer"""
 _DOUBT = "finds that its wheels slip more than declared, unless several of its readings are wrong"
-_WORDS = {MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning"}
+_WORDS = {
+    MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning",
+    SEPARATED: "an estimate that trusts less",
+}  # fmt: skip
 
 
 class Guarded:
@@ -78,6 +81,7 @@ class Guarded:
         cost: float = COST,
         rival: Callable[[], Estimator] | None = None,
         common: Array | None = None,
+        pace: float = 1.0,
     ) -> None:
         """Attach the monitor to an estimator.
 
@@ -93,8 +97,11 @@ class Guarded:
             cost: time [s] of an update that is run again.
             rival: maker of an estimator that finds its state by itself, to compare with; None for no such.
             common: covariance of errors that no reading tells, added to that of each estimate; None for no such.
+            pace: factor of all times of the monitor, for channels that are read more rarely than twice a second.
         """
-        self.period = estimator.period
+        self.period, self._pace = estimator.period, pace
+        self.memory = pace * MEMORY
+        """time [s] before an alarm in which the fault began"""
         self._now, self._recovery, self._restart = Replay(estimator, witness), recovery, restart
         self._counted: Array = np.zeros(len(Unused))
         self._earlier: Array | None = None  # unused readings of estimators before
@@ -192,7 +199,7 @@ class Guarded:
             self._astray = False
 
     def _updates(self, seconds: float) -> int:
-        return max(1, round(seconds / self.period))
+        return max(1, round(self._pace * seconds / self.period))
 
     def _published(self, own: Estimate, ratio: float) -> Estimate:
         """The estimate with the worst of both statuses: the estimator's ``own``, or that of one that replaced it."""

@@ -36,8 +36,9 @@ CLIP = 4.0
 """largest magnitude of a normalised innovation that counts"""
 FEWEST = 3
 """number of innovations in a window from which on it is tested"""
-NOTHING, MEAN, ENERGY, JOINT, RECKONED, IMPOSSIBLE = range(6)
-"""tests, by number: none, of the windows, of dead reckoning, and of what an estimate can be"""
+NOTHING, MEAN, ENERGY, JOINT, RECKONED, SEPARATED, IMPOSSIBLE = range(7)
+"""tests, by number: none, of the windows, of dead reckoning, of an estimate without a channel, and of what an estimate
+can be"""
 
 _FALSE_ALARM, _HORIZON = 0.01, 60.0  # probability of a false alarm in a time [s]
 SOFT = 1e-3

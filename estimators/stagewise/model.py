@@ -25,7 +25,19 @@ Piece = tuple[float, Array]
 """duration [s], and the input (nu,) that is held for it"""
 
 
-class StagewiseModel(Protocol):
+class Reader(Protocol):
+    """What a system makes of its measurements."""
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        """Inputs that act in sequence from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""
+        ...
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        """Usable components (m,) of a measurement, NaN for lost ones; None if it has none."""
+        ...
+
+
+class StagewiseModel(Reader, Protocol):
     """System with noise."""
 
     size: int
@@ -35,14 +47,6 @@ class StagewiseModel(Protocol):
 
     def start(self, reading: Array | None) -> tuple[Array, Array] | None:
         """State and covariance (d, d) at the first stage, with or without a reading (m,); None to wait for one."""
-        ...
-
-    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
-        """Inputs that act in sequence from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""
-        ...
-
-    def reading(self, measurement: Measurement) -> Array | None:
-        """Usable components (m,) of a measurement, NaN for lost ones; None if it has none."""
         ...
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
@@ -123,7 +127,7 @@ class SmootherStage:
 class StageBuilder:
     """Builder of stages from the calls of an estimator; a reading older than the last stage is not used."""
 
-    def __init__(self, model: StagewiseModel) -> None:
+    def __init__(self, model: Reader) -> None:
         self._model = model
         self._t: float | None = None  # [s] of the last stage
 

@@ -61,11 +61,12 @@ def filter_verdict(estimator: Estimator, model: StagewiseModel, samples: Iterabl
             out.append(np.asarray(estimate.extra["left_out"], np.float64))
     times = np.array([each[0] for each in run])
     left_out = np.array(out) if out else np.zeros((len(run), 0))
-    before = _IN_BUILDING if _is_ambiguous(model) else MEMORY
+    memory = estimator.memory if isinstance(estimator, Guarded) else MEMORY
+    before = _IN_BUILDING if _is_ambiguous(model) else memory
     found = _since_before(times, doubts, np.asarray(left_out.any(axis=1), np.bool_), before)
     if not isinstance(estimator, Guarded) or not out:
         return FilterVerdict(times, found, None, run)
-    until = np.searchsorted(times, times + MEMORY, side="right").tolist()
+    until = np.searchsorted(times, times + memory, side="right").tolist()
     left_out = np.array([left_out[k:last].max(axis=0) for k, last in enumerate(until)])
     kept = tuple(
         (at, estimator.without(readings, frozenset(np.flatnonzero(row).tolist())) if row.any() else readings, command)

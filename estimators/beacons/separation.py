@@ -1,0 +1,124 @@
+"""Solution separation: filters without a beacon each, and one that trusts odometry less, beside the filter of all.
+
+If only beacon i is at fault, the filter without it knows nothing of that: its error is as its covariance P_i says,
+whatever the fault is and since when. With x_0, P_0 of all readings, and d_i = x_i - x_0 of the poses, it follows that
+
+    |error of x_0| <= |d_i| + 3 sqrt(lambda_max(P_i)),
+
+but for what three deviations leave out; the largest of these over all i is the protection level. Without a fault both
+are estimates of the same, the one from more, so that cov(d_i) = P_i - P_0: d_i is tested by chi-square. [R. G. Brown,
+P. W. McBurney, Self-contained GPS integrity check using maximum solution separation, Navigation 35, 1988]
+
+The scale errors of odometry of the last filter change, as ``mistrust`` says: it is right while wheels slip. Where its
+separation is the largest, and beyond chance, the filter of all goes on from it and mistrusts the odometry too, and so
+do those without a beacon. The last one trusts it then, from x_0 on, and after ``lasts`` seconds in which it is not
+separate the odometry is trusted again.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Self
+
+import numpy as np
+from scipy.special import chdtri
+
+from mathnavi.estimators.beacons.kernels import condition, predict
+from mathnavi.estimators.beacons.model import BeaconModel
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.angles import wrapped
+
+_SCALE, _CHANGES = 0.2, 5.0  # [-], [s]
+ODOMETRY_SCALES = slice(3, 5)
+"""scale errors of the odometry in a state"""
+_DEVIATIONS = 3.0
+_WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
+_ROUNDING = 1e-12
+_LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
+
+
+def mistrust(x: Array, P: Array, h: float) -> None:
+    """Let the scale errors of odometry in states x (N, d), P (N, d, d) change for h [s], in place.
+
+    They are Ornstein-Uhlenbeck processes of the deviation ``_SCALE``, of which e^-1 is left after ``_CHANGES``.
+    """
+    kept = math.exp(-h / _CHANGES)
+    x[:, ODOMETRY_SCALES] *= kept
+    P[:, ODOMETRY_SCALES, :] *= kept
+    P[:, :, ODOMETRY_SCALES] *= kept
+    for k in (3, 4):
+        P[:, k, k] += (1.0 - kept * kept) * _SCALE**2
+
+
+class SolutionSeparation:
+    """Filters at x (n + 1, d) with P (n + 1, d, d): without beacon i = 0 ... n - 1, and with other odometry."""
+
+    def __init__(self, model: BeaconModel, gate: float, lasts: float) -> None:
+        """``gate`` is the nu^2 / s at which a filter rejects a reading; odometry is mistrusted for ``lasts`` [s]."""
+        self._model, self._lasts = model, lasts
+        self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
+        count = len(model.places) + 1
+        self._beacons = np.arange(count)
+        self._x, self._P = np.empty((count, 0)), np.empty((count, 0, 0))
+        self.mistrusts = False
+        """whether the filter of all is to mistrust the odometry"""
+        self._left, self._largest = 0.0, 0.0  # [s] for which it still does, and the largest separation meanwhile
+        self.squares, self.level = np.full(count, np.nan), np.full(2, np.nan)
+        """d_i' cov(d_i)^-1 d_i (n + 1,), and the protection level (2,) [m, rad], of the last pose that was judged"""
+
+    def begin(self, x: Array, P: Array) -> None:
+        """Begin all at the state x (d,) of covariance P (d, d)."""
+        count = len(self._beacons)
+        self._x, self._P, self.mistrusts = np.tile(x, (count, 1)), np.tile(P, (count, 1, 1)), False
+
+    def predict(self, u: Array, h: float) -> None:
+        """Move all for h [s] with the odometry and the densities of its noise u (4,) held."""
+        predict(self._x, self._P, u[0], u[1], h, u[2], u[3])
+        self._left -= h
+        those = slice(-1) if self.mistrusts else slice(-1, None)
+        mistrust(self._x[those], self._P[those], h)
+
+    def condition(self, y: Array) -> None:
+        """Condition on a reading y (rows,), each filter but for its beacon."""
+        for row in np.flatnonzero(np.isfinite(y)).tolist():
+            kind, i = self._model.entries[row]
+            those = self._beacons != i
+            x, P, found = self._x[those], self._P[those], np.empty((len(self._beacons) - 1, 3))
+            condition(
+                x, P, np.zeros(len(x)), float(y[row]), kind, i, self._model.places, self._model.columns,
+                self._errors[kind], found,
+            )  # fmt: skip
+            self._x[those], self._P[those] = x, P
+
+    def judge(self, x: Array, P: Array) -> tuple[Array, Array] | None:
+        """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong."""
+        d = self._x[:, :3] - x[:3]
+        d[:, 2] = wrapped(d[:, 2])
+        values, vectors = np.linalg.eigh(P[:3, :3])
+        whitening = vectors / np.sqrt(np.maximum(values, _ROUNDING * values[-1]))  # W' P W = I
+        variances, axes = np.linalg.eigh(whitening.T @ self._P[:, :3, :3] @ whitening)
+        along = np.einsum("nji,nj->ni", axes, d @ whitening)
+        squares = (np.square(along) / np.maximum(np.abs(variances - 1.0), _LEAST)).sum(axis=1)
+        largest = np.sqrt(np.linalg.eigvalsh(self._P[:, :2, :2])[:, -1])
+        levels = np.column_stack([np.hypot(d[:, 0], d[:, 1]), np.abs(d[:, 2])])
+        levels += _DEVIATIONS * np.column_stack([largest, np.sqrt(self._P[:, 2, 2])])
+        self.squares, self.level = squares, levels[:-1].max(axis=0) if self.mistrusts else levels.max(axis=0)
+        if not self.mistrusts:
+            if squares[-1] <= _WRONG or squares[-1] < squares.max():
+                return None
+            x, P = self._x[-1].copy(), self._P[-1].copy()
+            self.begin(x, P)
+            self.mistrusts, self._left, self._largest = True, self._lasts, 0.0
+            return x, P
+        self._largest = max(self._largest, float(squares[-1]))
+        if self._left <= 0.0:
+            self.mistrusts, self._left, self._largest = self._largest > _ALIKE, self._lasts, 0.0
+            self._x[-1], self._P[-1] = x, P
+        return None
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        made = copy.copy(self)
+        made._model = copy.deepcopy(self._model, memo)
+        made._x, made._P = self._x.copy(), self._P.copy()
+        return made

@@ -26,19 +26,19 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from mathnavi.estimators.beacons.bank import BeaconBank
 from mathnavi.estimators.beacons.batch import BatchFit
+from mathnavi.estimators.beacons.guarded import GuardedRobot
 from mathnavi.estimators.beacons.kernels import STATES
 from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
+from mathnavi.estimators.beacons.refusals import Refusals
 from mathnavi.estimators.beacons.separation import SolutionSeparation, mistrust
 from mathnavi.estimators.beacons.smoothing import StartFindingModel
-from mathnavi.estimators.beacons.witness import TESTED, RobotBeaconWitness, pace_of
-from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.beacons.witness import TESTED, TestedReadings, pace_of
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.ranging.model import chi_square_gate
-from mathnavi.estimators.stagewise.model import Piece, StageBuilder
+from mathnavi.estimators.stagewise.model import StageBuilder
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, waiting, worst
 from mathnavi.interfaces.bounds import Positive, PositiveFraction, Probability, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -51,13 +51,9 @@ _HEADING = math.radians(20.0)  # [rad] to which a heading is known once the pose
 _FEWEST = 6  # readings until it is
 _RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of a pose that is wrong
 _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is not known any more
-_COUNTED = (4, 8, 16, 32, 64, 128)  # last readings of which no more may be refused than are declared as outliers
-_CHANCE = 1e-5  # with which more of these are
 _SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
 _GROWTH, _LEAST_GROWTH = 1.05, 4  # of the stages, and number of them, until the batch fit is made again
-_SEPARATE, _DOUBTED = float(chdtri(3, 1e-3)), 5.0  # square of a separation that is in doubt, and for how long [s]
 _TRUSTED = 5.0  # [s] for which mistrusted odometry is tested, times the pace
-_COST = 3e-4  # [s] of an update that is run again
 _SHOWN = 16  # hypotheses that an estimate carries
 
 
@@ -95,7 +91,8 @@ class BeaconFilter:
         self._innovations = np.full((3, self.model.rows), np.nan)  # nu, their deviations, and whitened ones
         self._fits = InnovationMean(chi_square_gate(config.gate))
         self._farthest = config.found * mission.longest  # [m]
-        self._outliers = max(quality.outliers for quality in mission.qualities if quality is not None)
+        outliers = max(quality.outliers for quality in mission.qualities if quality is not None)
+        self._refusals = Refusals(len(mission.beacons), outliers)
         self.found = mission.start is not None and not mission.unknown
         """whether the pose is known, and at first the places of the beacons"""
         self._read = np.zeros(len(mission.beacons), dtype=int)  # number of readings of each beacon
@@ -110,8 +107,6 @@ class BeaconFilter:
         self._stage = 0
         self._again = False  # True from a new beginning on
         self._used = 0  # readings since the beginning
-        self._refused: deque[bool] = deque(maxlen=_COUNTED[-1])
-        self._most_refused = [(n, most_of(n, self._outliers)) for n in _COUNTED]
         self._nis = np.full(2, np.nan)
         if mission.start is not None and mission.begins is not None:
             self._stages.add(mission.begins, (), np.zeros(2))
@@ -119,13 +114,13 @@ class BeaconFilter:
             self._begin(None)
 
     @staticmethod
-    def build(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconFilter | Guarded:
+    def build(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> BeaconFilter | GuardedRobot:
         """Build the estimator of one run, with its monitor where all places are known."""
         known = beacons_of(mission)
         made = BeaconFilter(config, known)
         if known.unknown:
             return made
-        return GuardedRobot(config, known)
+        return GuardedRobot(made, partial(BeaconFilter, config, replace(known, start=None)))
 
     @staticmethod
     def sensors(config: BeaconBankConfig, mission: BeaconMission | BeaconFieldMission) -> tuple[Sensor, ...]:
@@ -205,12 +200,14 @@ class BeaconFilter:
         started = self.model.start(None) if y is None else None
         if started is not None:
             self.bank.begin(*started)
+            if self._separation is not None:
+                self._separation.begin(*started)
         elif y is None or not self.bank.begin_anywhere(y):
             return False
         if self._batch is not None:
             self._begin_batch(started)
         self._used, self.begun_at = 0, self._stage
-        self._refused.clear()
+        self._refusals.clear()
         for each in self._refused_of:
             each.clear()
         return True
@@ -243,7 +240,8 @@ class BeaconFilter:
         refused = np.array([beta < 0.5 for *_, beta in answers], dtype=bool)
         self._note_unknown(y, answers, refused)
         self._used += len(answers)
-        self._refused.extend(refused.tolist())
+        for (row, *_), out in zip(answers, refused.tolist(), strict=True):
+            self._refusals.note(self.model.entries[row][1], out)
         good = ~refused
         if refused.any() and known:
             self.counts.add(Unused.OUTLIER, int(refused.sum()))
@@ -252,7 +250,7 @@ class BeaconFilter:
         fits = self._fits.fits(squares, self._beacons.converged)
         self._beacons.note(t, agrees=fits)
         if known:
-            declared = self._as_declared()
+            declared = self._refusals.as_declared
             for (row, nu, s, _), out in zip(answers, refused.tolist(), strict=True):
                 if out and declared:
                     self._innovations[:2, row] = np.nan
@@ -269,7 +267,7 @@ class BeaconFilter:
             self._again = False
         if known:
             self._is_confirmed()
-        recent = list(self._refused)[-_RECENT:]
+        recent = list(self._refusals.all)[-_RECENT:]
         if len(recent) == _RECENT and sum(recent) >= _REFUSED and self._begin(y):
             self._again, self.found = self._again or self.found, False
             self.bank.condition(y)
@@ -348,12 +346,6 @@ class BeaconFilter:
         """Variance of the reading itself, at most s."""
         kind, _ = self.model.entries[row]
         return min(float(self.model.errors[kind][0]) ** 2, s)
-
-    def _as_declared(self) -> bool:
-        """True while no more readings are refused than are declared as outliers."""
-        refused = list(self._refused)
-        all_of_them = [refused, *(list(each) for each in self._refused_of)]
-        return all(sum(each[-n:]) <= most for each in all_of_them for n, most in self._most_refused)
 
     def _is_found(self) -> bool:
         if self._used < _FEWEST:
@@ -438,59 +430,3 @@ class BeaconFilter:
         if self._separation is not None and self._separation.mistrusts:
             return worst(self._monitor.status(t), Status.DEGRADED), "finds that its odometry is worse than declared"
         return self._monitor.status(t), self._monitor.message
-
-
-def most_of(n: int, share: float) -> int:
-    """Number of n things, each of which is with a probability ``share``, that is exceeded with one of at most 1e-5."""
-    beyond, most = 1.0, -1
-    while beyond > _CHANCE and most < n:
-        most += 1
-        beyond -= math.comb(n, most) * share**most * (1.0 - share) ** (n - most)
-    return most
-
-
-class GuardedRobot(Guarded):
-    """The filter with its monitor, where all places are known.
-
-    What nothing explains, such as odometry that is wrong, is remembered: innovations are small again once the estimate
-    has followed it.
-    """
-
-    def __init__(self, config: BeaconBankConfig, mission: BeaconMission) -> None:
-        made, n = BeaconFilter(config, mission), len(mission.beacons)
-        super().__init__(
-            made, RobotBeaconWitness(made.model), most_out=min(2, max(n - 2, 1)), cost=_COST,
-            rival=partial(BeaconFilter, config, replace(mission, start=None)), pace=pace_of(mission),
-        )  # fmt: skip
-        self._doubted = -math.inf  # [s]
-
-    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        estimate = super().update(t, measurements, command)
-        assert isinstance(self.estimator, BeaconFilter)
-        status, message = self.estimator.doubt(t)
-        if estimate.extra["separation"].max() > _SEPARATE:
-            self._doubted = t
-        if status is Status.OK and t - self._doubted < _DOUBTED:
-            status, message = Status.DEGRADED, "differs from what it is without one of its beacons, or of odometry"
-        if worst(status, estimate.status) is estimate.status:
-            return estimate
-        return replace(estimate, status=status, message=message)
-
-
-class TestedReadings:
-    """Readings (2, rows) of a robot among beacons: those that are used, and those that are only tested."""
-
-    def __init__(self, model: BeaconModel) -> None:
-        self._model = model
-
-    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
-        return self._model.inputs(begin, end, measurements, command)
-
-    def reading(self, measurement: Measurement) -> Array | None:
-        tested = measurement.name.endswith(TESTED)
-        name = measurement.name.removesuffix(TESTED)
-        y = self._model.reading(replace(measurement, name=name) if tested else measurement)
-        if y is None:
-            return None
-        nothing = np.full_like(y, np.nan)
-        return np.stack((nothing, y) if tested else (y, nothing))

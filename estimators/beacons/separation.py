@@ -33,7 +33,7 @@ _SCALE, _CHANGES = 0.2, 5.0  # [-], [s]
 ODOMETRY_SCALES = slice(3, 5)
 """scale errors of the odometry in a state"""
 _DEVIATIONS = 3.0
-_WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
+WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
 _ROUNDING = 1e-12
 _LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
 
@@ -105,7 +105,7 @@ class SolutionSeparation:
         levels += _DEVIATIONS * np.column_stack([largest, np.sqrt(self._P[:, 2, 2])])
         self.squares, self.level = squares, levels[:-1].max(axis=0) if self.mistrusts else levels.max(axis=0)
         if not self.mistrusts:
-            if squares[-1] <= _WRONG or squares[-1] < squares.max():
+            if squares[-1] <= WRONG or squares[-1] < squares.max():
                 return None
             x, P = self._x[-1].copy(), self._P[-1].copy()
             self.begin(x, P)

@@ -8,9 +8,9 @@ the arrival from beacon 0: the mean of their innovations is tested as its number
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri
@@ -20,6 +20,7 @@ from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.estimators.integrity.number_tests import NumberTests
 from mathnavi.estimators.integrity.windows import IMPOSSIBLE, SEPARATED, Flags, Worst
 from mathnavi.estimators.integrity.witness import is_plausible
+from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.beacon_names import DIFFERENCES
 from mathnavi.models.unicycle.beacons import BeaconMission
@@ -104,8 +105,8 @@ class RobotBeaconWitness(NumberTests):
             value = np.array(each.value, np.float64)
             tested = np.full(len(value), np.nan)
             tested[gone], value[gone] = value[gone], np.nan
-            given.append(dataclasses.replace(each, value=value))
-            given.append(dataclasses.replace(each, value=tested, name=each.name + TESTED))
+            given.append(replace(each, value=value))
+            given.append(replace(each, value=tested, name=each.name + TESTED))
         return tuple(given)
 
     def agree(self, one: Estimate, other: Estimate) -> bool:
@@ -113,3 +114,22 @@ class RobotBeaconWitness(NumberTests):
         assert other.covariance is not None
         d = self._model.mission.difference(one.x[:3], other.x[:3])
         return float(d @ np.linalg.solve(one.covariance + other.covariance, d)) < _ALIKE
+
+
+class TestedReadings:
+    """Readings (2, rows) of a robot among beacons: those that are used, and those that are only tested."""
+
+    def __init__(self, model: BeaconModel) -> None:
+        self._model = model
+
+    def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
+        return self._model.inputs(begin, end, measurements, command)
+
+    def reading(self, measurement: Measurement) -> Array | None:
+        tested = measurement.name.endswith(TESTED)
+        name = measurement.name.removesuffix(TESTED)
+        y = self._model.reading(replace(measurement, name=name) if tested else measurement)
+        if y is None:
+            return None
+        nothing = np.full_like(y, np.nan)
+        return np.stack((nothing, y) if tested else (y, nothing))

@@ -2,7 +2,8 @@
 
 A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
-monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare.
+monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
+(``beacon_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -14,7 +15,7 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,20 +25,20 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from mathnavi.estimators.integrity.guard import alone
-from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.bounds import Count, configuration
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.metrics.sure_and_wrong import LASTING, lasting, sure_and_wrong
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
+from mathnavi.studies.ranging import beacon_integrity
 from mathnavi.studies.ranging.integrity_detection import findable
+from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, Watched, judged
 
 FIRST_SEED = 5000  # no threshold of the monitor was chosen on these
 WALL = Curve(
@@ -65,7 +66,9 @@ FINDING = ("feasible_set_bank", "range_certified")  # estimators that are not to
 ESTIMATORS = (
     "range_ekf", "feasible_set_bank", "range_ukf", "range_iekf", "range_certified", "moving_horizon", "range_particle",
 )  # fmt: skip
+ALL = (*ESTIMATORS, beacon_integrity.ESTIMATOR)
 MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
+MOST_LATER = beacon_integrity.DURATION - beacon_integrity.END  # [s]
 COLOURS = {True: "#0d5fa8", False: "#c2183b"}
 
 
@@ -177,33 +180,12 @@ class IntegrityConfig:
     """number of those that are also run without the monitor"""
     faults: Count = len(FAULTS)
     """number of faults, none among them"""
-    estimators: Count = len(ESTIMATORS)
+    estimators: Count = len(ALL)
     """number of estimators"""
 
 
-@dataclass(frozen=True)
-class Watched:
-    """A run of an estimator under a fault."""
-
-    estimator: str
-    fault: str
-    seed: int
-    monitored: bool
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of a run."""
-
-    position: float  # share of the time from the fault on in which it is sure and wrong
-    heading: float
-    false: float  # share of the time before the fault in which it is not OK, from 3 s on
-    detected: float  # [s] from the fault until it is not OK; NaN if it always is
-    recovered: float  # [s] from the end of the fault until it is OK and right for good; NaN if it never is
-    judged: float  # share of the time from the fault on in which it is sure and wrong, or beyond its protection level
-    kept: float  # share of the time from the fault on, while it is OK, in which the error is within the level
-    level: float  # [m] median of the level of the position in that time
-    findable: float  # [s] from the fault until it can be found; NaN if it never can
+def _faults(estimator: str) -> Iterable[str]:
+    return beacon_integrity.FAULTS if estimator == beacon_integrity.ESTIMATOR else FAULTS
 
 
 class Integrity:
@@ -217,31 +199,41 @@ class Integrity:
     @staticmethod
     def run(config: IntegrityConfig, setup: Setup) -> StudyResult:
         jobs = Jobs()
-        for estimator in ESTIMATORS[: config.estimators]:
-            for fault in [*FAULTS][: config.faults]:
-                for seed in range(FIRST_SEED, FIRST_SEED + config.seeds):
-                    for monitored in (True, False)[: 1 + (seed < FIRST_SEED + config.alone)]:
-                        run = Watched(estimator, fault, seed, monitored)
-                        jobs.add(run, watched, [run])
+        asked = [
+            (estimator, fault)
+            for estimator in ALL[: config.estimators]
+            for fault in [*_faults(estimator)][: config.faults]
+        ]
+        for estimator, fault in asked:
+            job = beacon_integrity.watched if estimator == beacon_integrity.ESTIMATOR else watched
+            for seed in range(FIRST_SEED, FIRST_SEED + config.seeds):
+                for monitored in (True, False)[: 1 + (seed < FIRST_SEED + config.alone)]:
+                    run = Watched(estimator, fault, seed, monitored)
+                    jobs.add(run, job, [run])
         rows = [
             {"estimator": run.estimator, "fault": run.fault, "seed": run.seed, "monitored": run.monitored, **vars(done)}
             for run, (done,) in jobs.done(setup).items()
         ]
-        cells = [
-            Cell(estimator, fault, rows)
-            for estimator in ESTIMATORS[: config.estimators]
-            for fault in [*FAULTS][: config.faults]
-        ]
+        cells = [Cell(estimator, fault, rows) for estimator, fault in asked]
+        among = [cell for cell in cells if cell.estimator == beacon_integrity.ESTIMATOR]
         return StudyResult(
             summary=(
                 f"{config.seeds} drives of {DURATION:g} s each, the fault from {ONSET:g} to {END:g} s (the robot is "
                 f"carried away at {ONSET:g} s for good); three rays, deviations {NOISE:g} m of a range and "
                 f"{ODOMETRY[0]:g} of the odometry, {1.0 / PERIOD:g} readings a second. {' and '.join(FINDING)} are not "
-                f"told the start. Ray and drift are drawn. The first {min(config.alone, config.seeds)} drives are also "
+                f"told the start. Ray and drift are drawn. "
+                f"{beacon_integrity.ESTIMATOR} drives for {beacon_integrity.DURATION:g} s among "
+                f"{len(beacon_integrity.PLACES)} beacons, one of which is read every "
+                f"{beacon_integrity.EVERY * beacon_integrity.PERIOD:g} s with a deviation of "
+                f"{beacon_integrity.NOISE:g} m, the fault from {beacon_integrity.ONSET:g} to "
+                f"{beacon_integrity.END:g} s. The first {min(config.alone, config.seeds)} drives are also "
                 "run without the monitor.",
             ),
             rows=rows,
-            tables=tables(cells),
+            tables=(
+                *tables([cell for cell in cells if cell not in among]),
+                *(tables(among, ", among beacons") if among else ()),
+            ),
             figure=figure(cells),
             caption="Each dot is an estimator under a fault: (a) share of the time from the fault on in which it is "
             "sure and wrong, or beyond its protection level before the fault can be found, with its monitor (blue), "
@@ -292,8 +284,8 @@ class Cell:
         return f"{self.estimator}, {self.fault}"
 
 
-def tables(cells: Sequence[Cell]) -> tuple[Table, ...]:
-    """One table for each figure, the faults by the estimators."""
+def tables(cells: Sequence[Cell], where: str = "") -> tuple[Table, ...]:
+    """One table for each figure, the faults by the estimators; ``where`` ends their titles."""
     estimators, faults = (
         [*dict.fromkeys(names)] for names in zip(*((e.estimator, e.fault) for e in cells), strict=True)
     )
@@ -301,7 +293,7 @@ def tables(cells: Sequence[Cell]) -> tuple[Table, ...]:
 
     def table(title: str, text: Callable[[Cell], str]) -> Table:
         rows = [(fault, *(text(by_name[estimator, fault]) for estimator in estimators)) for fault in faults]
-        return Table(title, ("fault", *estimators), rows)
+        return Table(title + where, ("fault", *estimators), rows)
 
     return (
         table(
@@ -363,8 +355,9 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
         ),
         Claim(
             "integrity.recovers", "target", "An estimator is right again once its sensors are.", "C.4",
-            f"OK and right for good within {DURATION - END:g} s: >= {LEAST_RECOVERED:.0%} of the runs of each "
-            "estimator and fault", f"{len(cells) - len(lost)} of {len(cells)}"
+            f"OK and right for good within {DURATION - END:g} s, among beacons {MOST_LATER:g} s: "
+            f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault",
+            f"{len(cells) - len(lost)} of {len(cells)}"
             + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,
         ),
     ]  # fmt: skip
@@ -373,7 +366,7 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
 def figure(cells: Sequence[Cell]) -> Figure:
     """Draw three panels over the faults: sure and wrong, detection, recovery."""
     faults = [*dict.fromkeys(e.fault for e in cells)]
-    with styled_figure((12.0, 4.8), ConstrainedLayoutEngine(w_pad=0.08)) as drawn:
+    with styled_figure((12.0, 2.0 + 0.2 * len(faults)), ConstrainedLayoutEngine(w_pad=0.08)) as drawn:
         wrong, detected, recovered = drawn.subplots(1, 3, sharey=True)
         for monitored, shift in ((False, 0.15), (True, -0.15)):
             bare = [100.0 * e.wrong(False) if e.without else math.nan for e in cells]
@@ -419,7 +412,7 @@ def watched(run: Watched) -> Outcome:
     spread = np.var((drive.ranges - quiet.ranges)[during], axis=0) / np.var(noise[during], axis=0)
     begins = KnownStart((drive.fine[0][0], drive.fine[0][1], drive.fine[0][2]), (UNSURE, UNSURE, UNSURE))
     found = findable(_mission(begins), list(_updates(quiet)), during, spread)
-    return judged(estimates, drive.truth, found, persists=run.fault == AWAY)
+    return judged(estimates, drive.truth, found, Timing(PERIOD, ONSET, END, SETTLED), persists=run.fault == AWAY)
 
 
 def _mission(start: KnownStart | None) -> RangingMission:
@@ -472,37 +465,3 @@ def _carried(x: Array, rng: np.random.Generator) -> Array:
             if WALL.contains(to, MARGIN):
                 return np.array([*to, x[2]])
     raise AssertionError("no place within the wall")
-
-
-def judged(estimates: Sequence[Estimate], truth: Array, found: Flags, *, persists: bool = False) -> Outcome:
-    """Judge the estimates of a run by the truth (n, 3); ``found`` (n,) says from when on the fault can be found. One
-    recovers from a fault that ``persists`` while it does.
-    """
-    ok = np.array([each.status is Status.OK for each in estimates])
-    difference = np.array([each.x for each in estimates]) - truth
-    difference[:, 2] -= 2.0 * math.pi * np.round(difference[:, 2] / (2.0 * math.pi))
-    none, no_level = np.full((3, 3), math.nan), np.full(2, math.nan)
-    P = np.array([none if each.covariance is None else each.covariance for each in estimates])
-    level = np.array([each.extra.get("protection", no_level) for each in estimates])
-    times: Array = PERIOD * np.arange(len(ok), dtype=np.float64)
-    errors = np.column_stack([np.hypot(*difference.T[:2]), np.abs(difference[:, 2])])
-    wrong = sure_and_wrong(times, ok, difference, P).T
-    beyond = [lasting(times, ok & each) for each in (errors > level).T]
-    onset, end = round(ONSET / PERIOD), round((ONSET if persists else END) / PERIOD)
-    later = slice(onset, None)
-    missing = np.flatnonzero(~ok[onset:])
-    bad = np.flatnonzero(~ok | wrong[0] | wrong[1])
-    whole = int(bad[-1]) + 1 if len(bad) else 0  # the update from which on it is right for good
-    settled, sure = len(ok) - round(LASTING / PERIOD), np.flatnonzero(ok[later] & ~np.isnan(level[later, 0])) + onset
-    first = np.flatnonzero(found[later])
-    return Outcome(
-        position=wrong[0][later].mean().item(),
-        heading=wrong[1][later].mean().item(),
-        false=(~ok[round(SETTLED / PERIOD) : onset]).mean().item(),
-        detected=PERIOD * float(missing[0]) if len(missing) else math.nan,
-        recovered=PERIOD * max(0, whole - end) if whole <= settled else math.nan,
-        judged=np.where(found, wrong[0] | wrong[1], beyond[0] | beyond[1])[later].mean().item(),
-        kept=(errors <= level)[sure].all(axis=1).mean().item() if len(sure) else math.nan,
-        level=float(np.median(level[sure, 0])) if len(sure) else math.nan,
-        findable=PERIOD * float(first[0]) if len(first) else math.nan,
-    )

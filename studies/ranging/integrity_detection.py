@@ -33,7 +33,7 @@ LIKELY = 0.99
 """probability from which on a fault counts as one that can be found"""
 
 _BRANCHED = 12  # updates between two branches
-_LARGER = 1.2  # of rho, that is no error of a sample
+LARGER = 1.2  # of rho, that is no error of a sample
 
 Update = tuple[float, tuple[Measurement, ...], Array]
 
@@ -48,10 +48,10 @@ def findable(mission: RangingMission, updates: Sequence[Update], during: slice, 
     z, energy, l = thresholds.z, thresholds.energy, len(spread)  # noqa: E741
     chance = 1.0 - chndtr(energy[3], 3, squares)
     rho = np.ones((len(updates), l))
-    rho[during] = np.where(spread > _LARGER, spread, 1.0)
+    rho[during] = np.where(spread > LARGER, spread, 1.0)
     for length in thresholds.lengths.tolist():
         count = np.minimum(np.arange(1, len(updates) + 1), length)
-        sums, own, all_, scale = (_windowed(each, length) for each in (shift, shift**2, joint, rho))
+        sums, own, all_, scale = (windowed(each, length) for each in (shift, shift**2, joint, rho))
         scale /= count[:, None]
         chance = np.maximum(chance, ndtr(np.abs(sums) / np.sqrt(count)[:, None] - z).max(axis=1))
         each = 1.0 - chndtr(energy[count][:, None] / scale, count[:, None], own / scale)
@@ -63,7 +63,7 @@ def findable(mission: RangingMission, updates: Sequence[Update], during: slice, 
     return found
 
 
-def _windowed(values: Array, length: int) -> Array:
+def windowed(values: Array, length: int) -> Array:
     """Sums of the last ``length`` of values (n, ...)."""
     total = np.cumsum(values, axis=0)
     total[length:] -= total[:-length].copy()

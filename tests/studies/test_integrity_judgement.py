@@ -15,17 +15,19 @@ from mathnavi.studies.ranging.integrity import (
     END,
     ONSET,
     PERIOD,
+    SETTLED,
     UNSURE,
     Drive,
     _mission,
     _updates,
     driven,
-    judged,
 )
 from mathnavi.studies.ranging.integrity_detection import findable
+from mathnavi.studies.ranging.integrity_judging import Timing, judged
 
 ONE, LAST = round(ONSET / PERIOD), round(END / PERIOD)
 DURING = slice(ONE, LAST)
+TIMING = Timing(PERIOD, ONSET, END, SETTLED)
 Update = tuple[float, tuple[Measurement, ...], np.ndarray]
 
 
@@ -69,7 +71,7 @@ def test_until_it_can_be_found_a_fault_is_judged_by_the_level_and_then_by_three_
     ]
     late, early = np.arange(count) >= ONE + 400, np.arange(count) >= ONE + 100
     whole = count - ONE
-    one, other = judged(estimates, truth, late), judged(estimates, truth, early)
+    one, other = (judged(estimates, truth, each, TIMING) for each in (late, early))
     assert one.position == other.position == 1.0
     assert one.judged == pytest.approx((whole - 200) / whole)
     assert other.judged == pytest.approx((whole - 100) / whole)

@@ -1,0 +1,56 @@
+"""The monitor of a robot's filter among beacons at known places."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from scipy.special import chdtri
+
+from mathnavi.estimators.beacons.model import BeaconModel
+from mathnavi.estimators.beacons.witness import RobotBeaconWitness, pace_of
+from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.timeout_monitor import worst
+from mathnavi.interfaces.protocols import Estimator
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+
+_COST = 3e-4  # [s] of an update that is run again
+_SEPARATE, _DOUBTED = float(chdtri(3, 1e-3)), 5.0  # square of a separation that is in doubt, and for how long [s]
+
+
+class DoubtingFilter(Estimator, Protocol):
+    """A filter among beacons that judges all its readings together."""
+
+    model: BeaconModel
+
+    def doubt(self, t: float) -> tuple[Status, str]:
+        """Status at t [s] by that, and why."""
+        ...
+
+
+class GuardedRobot(Guarded):
+    """The filter with its monitor.
+
+    What nothing explains is remembered: innovations are small again once the estimate has followed it.
+    """
+
+    def __init__(self, made: DoubtingFilter, anywhere: Callable[[], Estimator]) -> None:
+        """``anywhere`` makes one that begins anywhere."""
+        mission = made.model.mission
+        most_out = min(2, max(len(mission.beacons) - 2, 1))
+        witness, self._doubted = RobotBeaconWitness(made.model), -math.inf  # [s]
+        super().__init__(made, witness, most_out=most_out, cost=_COST, rival=anywhere, pace=pace_of(mission))
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        estimate = super().update(t, measurements, command)
+        now: DoubtingFilter = self.estimator  # type: ignore[assignment]
+        status, message = now.doubt(t)
+        if estimate.extra["separation"].max() > _SEPARATE:
+            self._doubted = t
+        if status is Status.OK and t - self._doubted < _DOUBTED:
+            status, message = Status.DEGRADED, "differs from what it is without one of its beacons, or of odometry"
+        if worst(status, estimate.status) is estimate.status:
+            return estimate
+        return replace(estimate, status=status, message=message)

@@ -11,8 +11,9 @@ P. W. McBurney, Self-contained GPS integrity check using maximum solution separa
 
 The scale errors of odometry of the last filter change, as ``mistrust`` says: it is right while wheels slip. Where its
 separation is the largest, and beyond chance, the filter of all goes on from it and mistrusts the odometry too, and so
-do those without a beacon. The last one trusts it then, from x_0 on, and after ``lasts`` seconds in which it is not
-separate the odometry is trusted again.
+do those without a beacon. The last one trusts it then, from x_0 and scale errors as declared on. Where it was not
+separate for ``lasts`` seconds, and its scale errors stayed as declared, twice in sequence, all go on from it: in a part
+of the first the odometry may yet have been wrong.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ ODOMETRY_SCALES = slice(3, 5)
 """scale errors of the odometry in a state"""
 _DEVIATIONS = 3.0
 WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
-_ROUNDING = 1e-12
+_USUAL = float(chdtri(2, 1e-3))  # square of scale errors as they are declared
+_TWICE = 2
+_ROUNDING, _LEAST_VARIANCE = 1e-12, 1e-8
 _LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
 
 
@@ -55,15 +58,17 @@ class SolutionSeparation:
     """Filters at x (n + 1, d) with P (n + 1, d, d): without beacon i = 0 ... n - 1, and with other odometry."""
 
     def __init__(self, model: BeaconModel, gate: float, lasts: float) -> None:
-        """``gate`` is the nu^2 / s at which a filter rejects a reading; odometry is mistrusted for ``lasts`` [s]."""
+        """``gate`` is the nu^2 / s at which a filter rejects a reading; odometry is tested for ``lasts`` [s] each."""
         self._model, self._lasts = model, lasts
         self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
         count = len(model.places) + 1
         self._beacons = np.arange(count)
+        self._declared = np.maximum(np.square(model.scales[:2]), _LEAST_VARIANCE)
         self._x, self._P = np.empty((count, 0)), np.empty((count, 0, 0))
         self.mistrusts = False
         """whether the filter of all is to mistrust the odometry"""
-        self._left, self._largest = 0.0, 0.0  # [s] for which it still does, and the largest separation meanwhile
+        self._left, self._largest = 0.0, 0.0  # [s] for which the last one is tested, and its largest separation so far
+        self._passed = 0  # such times in sequence that it has passed
         self.squares, self.level = np.full(count, np.nan), np.full(2, np.nan)
         """d_i' cov(d_i)^-1 d_i (n + 1,), and the protection level (2,) [m, rad], of the last pose that was judged"""
 
@@ -92,7 +97,9 @@ class SolutionSeparation:
             self._x[those], self._P[those] = x, P
 
     def judge(self, x: Array, P: Array) -> tuple[Array, Array] | None:
-        """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong."""
+        """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong, or right
+        again.
+        """
         d = self._x[:, :3] - x[:3]
         d[:, 2] = wrapped(d[:, 2])
         values, vectors = np.linalg.eigh(P[:3, :3])
@@ -107,15 +114,30 @@ class SolutionSeparation:
         if not self.mistrusts:
             if squares[-1] <= WRONG or squares[-1] < squares.max():
                 return None
-            x, P = self._x[-1].copy(), self._P[-1].copy()
-            self.begin(x, P)
-            self.mistrusts, self._left, self._largest = True, self._lasts, 0.0
-            return x, P
+            better = self._x[-1].copy(), self._P[-1].copy()
+            self.begin(*better)
+            self.mistrusts, self._passed = True, 0
+            self._trust(*better)
+            return better
         self._largest = max(self._largest, float(squares[-1]))
-        if self._left <= 0.0:
-            self.mistrusts, self._left, self._largest = self._largest > _ALIKE, self._lasts, 0.0
-            self._x[-1], self._P[-1] = x, P
-        return None
+        if self._left > 0.0:
+            return None
+        scales = (np.square(self._x[-1, ODOMETRY_SCALES]) / self._declared).sum()
+        self._passed = 0 if self._largest > _ALIKE or scales > _USUAL else self._passed + 1
+        if self._passed < _TWICE:
+            self._trust(x, P)
+            return None
+        better = self._x[-1].copy(), self._P[-1].copy()
+        self.begin(*better)
+        return better
+
+    def _trust(self, x: Array, P: Array) -> None:
+        """Begin the last filter at x (d,), P (d, d), with the scale errors of odometry as they are declared."""
+        for k, variance in zip((3, 4), self._declared.tolist(), strict=True):
+            gain = P[:, k] / (P[k, k] + variance)
+            x, P = x - gain * x[k], P - np.outer(gain, P[k])
+        self._x[-1], self._P[-1] = x, P
+        self._left, self._largest = self._lasts, 0.0
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         made = copy.copy(self)

@@ -67,7 +67,7 @@ def test_the_smoother_begins_where_the_filter_found_that_the_run_began() -> None
 
 @pytest.mark.parametrize(("beacon", "error"), [(0, 3.0), (2, 1.0), (2, None)])
 def test_the_smoother_is_not_sure_of_a_run_that_a_beacon_spoils(beacon: int, error: float | None) -> None:
-    """Without its residuals it is sure and wrong for up to a third of the run; ``error`` [m], None: stuck."""
+    """The beacon is left out, or it is DEGRADED; ``error`` [m], None: stuck."""
     driven = drive(scale=0.0, outliers=0.0)
     ranges = np.array(driven.log.readings["beacon_ranges"])
     late = driven.log.t >= driven.log.t[len(ranges) // 2]
@@ -79,7 +79,7 @@ def test_the_smoother_is_not_sure_of_a_run_that_a_beacon_spoils(beacon: int, err
     difference = found.x - driven.truth
     difference[:, 2] = wrapped(difference[:, 2])
     assert not sure_and_wrong(log.t, found.ok, difference, found.covariance).any()
-    assert not found.ok[late].any()
+    assert np.sqrt(np.mean(np.square(np.hypot(*difference[late, :2].T)))) < 0.3  # 0.7 to 2.3 m with that beacon
 
 
 def test_one_that_is_carried_away_is_lost_and_found_again() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba.core import types
 
-from mathnavi.estimators.beacons.kernels import condition, merged, predict
+from mathnavi.estimators.beacons.kernels import condition, merged, predict, separations
 from mathnavi.estimators.integrity import innovations_ahead
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, array
@@ -14,6 +14,7 @@ _FILTERS = (TWO, THREE)  # states and covariances
 KERNELS: tuple[Signature, ...] = (
     (predict, (*_FILTERS, *(_NUMBER,) * 5)),
     (condition, (*_FILTERS, ONE, _NUMBER, _WHOLE, _WHOLE, TWO, WHOLES, ONE, TWO)),
+    (separations, (ONE, TWO, TWO, THREE, _NUMBER, _NUMBER, ONE, TWO)),
     (merged, (*_FILTERS, ONE, _NUMBER, _NUMBER)),
     *innovations_ahead.KERNELS,
 )

@@ -1,4 +1,4 @@
-"""The kernels of a run with beacons at unknown places too, compiled before it (``sim.engine.compilation``)."""
+"""The kernels of a run with beacons at unknown places, and of the monitor, compiled ahead (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from numba.core import types
 
 from mathnavi.estimators.beacons import ahead
 from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs, step
+from mathnavi.estimators.integrity import numbers_ahead
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, TWO, combined
 
@@ -17,4 +18,5 @@ KERNELS: tuple[Signature, ...] = (
     (moved, (ONE, ONE, TWO)),
     (ring_costs, (TWO, TWO, ONE, ONE)),
     *ahead.KERNELS,
+    *numbers_ahead.KERNELS,
 )

@@ -250,7 +250,7 @@ class BeaconFilter:
         fits = self._fits.fits(squares, self._beacons.converged)
         self._beacons.note(t, agrees=fits)
         if known:
-            declared = self._refusals.as_declared
+            declared = bool(refused.any()) and self._refusals.as_declared
             for (row, nu, s, _), out in zip(answers, refused.tolist(), strict=True):
                 if out and declared:
                     self._innovations[:2, row] = np.nan
@@ -380,7 +380,7 @@ class BeaconFilter:
             "hypotheses": poses,
             "scores": scores,
             "scales": x[3:6].copy(),
-            **({} if known is None else {"separation": known.squares, "protection": known.level}),
+            **({} if known is None else {"separation": known.squares.copy(), "protection": known.level.copy()}),
             "innovations": self._innovations[0].copy(),
             "innovation_std": self._innovations[1].copy(),
             "whitened_innovations": self._innovations[2].copy(),

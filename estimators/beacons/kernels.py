@@ -237,3 +237,45 @@ def merged(x: Array, P: Array, weights: Array, near: float, noise: float) -> tup
         w_out[kept], places[kept] = total, i
         kept += 1
     return x_out[:kept].copy(), P_out[:kept].copy(), w_out[:kept].copy(), places[:kept].copy()
+
+
+@njit(cache=True, nogil=True)
+def separations(
+    x: Array, P: Array, others: Array, covariances: Array, least: float, deviations: float, squares: Array,
+    levels: Array,
+) -> None:  # fmt: skip
+    """Compare the pose of a state x (d,) of covariance P (d, d) with those of ``others`` (N, d).
+
+    ``squares`` (N,) get d' C^-1 d of the differences d of poses, C = |P_i - P| + ``least`` P, with the sign that makes
+    the trace positive, and NaN if that is no covariance; ``levels`` (N, 2) get |d| + ``deviations`` standard deviations
+    of P_i, of the position and of the heading.
+    """
+    C, L, e = np.empty((3, 3)), np.zeros((3, 3)), np.empty(3)
+    for n in range(len(others)):
+        Q = covariances[n]
+        e[0], e[1], e[2] = others[n, 0] - x[0], others[n, 1] - x[1], wrapped(others[n, 2] - x[2])
+        middle, half = 0.5 * (Q[0, 0] + Q[1, 1]), 0.5 * (Q[0, 0] - Q[1, 1])
+        largest = middle + math.hypot(half, Q[0, 1])
+        levels[n, 0] = math.hypot(e[0], e[1]) + deviations * math.sqrt(max(largest, 0.0))
+        levels[n, 1] = abs(e[2]) + deviations * math.sqrt(max(Q[2, 2], 0.0))
+        sign = 1.0 if Q[0, 0] + Q[1, 1] >= P[0, 0] + P[1, 1] else -1.0
+        for i in range(3):
+            for j in range(3):
+                C[i, j] = sign * (Q[i, j] - P[i, j]) + least * P[i, j]
+        squares[n] = 0.0
+        for i in range(3):
+            for j in range(i + 1):
+                left = C[i, j]
+                for k in range(j):
+                    left -= L[i, k] * L[j, k]
+                if i > j:
+                    L[i, j] = left / L[j, j]
+                elif left > 0.0:
+                    L[i, i] = math.sqrt(left)
+                else:
+                    L[i, i] = math.nan
+            left = e[i]
+            for k in range(i):
+                left -= L[i, k] * e[k]
+            e[i] = left / L[i, i]
+            squares[n] += e[i] * e[i]

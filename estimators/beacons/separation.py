@@ -25,10 +25,9 @@ from typing import Self
 import numpy as np
 from scipy.special import chdtri
 
-from mathnavi.estimators.beacons.kernels import condition, predict
+from mathnavi.estimators.beacons.kernels import condition, predict, separations
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.angles import wrapped
 
 _SCALE, _CHANGES = 0.2, 5.0  # [-], [s]
 ODOMETRY_SCALES = slice(3, 5)
@@ -37,8 +36,8 @@ _DEVIATIONS = 3.0
 WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
 _USUAL = float(chdtri(2, 1e-3))  # square of scale errors as they are declared
 _TWICE = 2
-_ROUNDING, _LEAST_VARIANCE = 1e-12, 1e-8
-_LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
+_LEAST_VARIANCE = 1e-8
+_LEAST = 0.05  # of the covariance of all readings: what is added to that of a separation, for filters linearise
 
 
 def mistrust(x: Array, P: Array, h: float) -> None:
@@ -69,6 +68,7 @@ class SolutionSeparation:
         """whether the filter of all is to mistrust the odometry"""
         self._left, self._largest = 0.0, 0.0  # [s] for which the last one is tested, and its largest separation so far
         self._passed = 0  # such times in sequence that it has passed
+        self._levels = np.full((count, 2), np.nan)
         self.squares, self.level = np.full(count, np.nan), np.full(2, np.nan)
         """d_i' cov(d_i)^-1 d_i (n + 1,), and the protection level (2,) [m, rad], of the last pose that was judged"""
 
@@ -100,17 +100,10 @@ class SolutionSeparation:
         """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong, or right
         again.
         """
-        d = self._x[:, :3] - x[:3]
-        d[:, 2] = wrapped(d[:, 2])
-        values, vectors = np.linalg.eigh(P[:3, :3])
-        whitening = vectors / np.sqrt(np.maximum(values, _ROUNDING * values[-1]))  # W' P W = I
-        variances, axes = np.linalg.eigh(whitening.T @ self._P[:, :3, :3] @ whitening)
-        along = np.einsum("nji,nj->ni", axes, d @ whitening)
-        squares = (np.square(along) / np.maximum(np.abs(variances - 1.0), _LEAST)).sum(axis=1)
-        largest = np.sqrt(np.linalg.eigvalsh(self._P[:, :2, :2])[:, -1])
-        levels = np.column_stack([np.hypot(d[:, 0], d[:, 1]), np.abs(d[:, 2])])
-        levels += _DEVIATIONS * np.column_stack([largest, np.sqrt(self._P[:, 2, 2])])
-        self.squares, self.level = squares, levels[:-1].max(axis=0) if self.mistrusts else levels.max(axis=0)
+        squares = self.squares
+        separations(x, P, self._x, self._P, _LEAST, _DEVIATIONS, squares, self._levels)
+        squares[np.isnan(squares)] = 0.0  # two that have the same readings, but for rounding
+        self.level = (self._levels[:-1] if self.mistrusts else self._levels).max(axis=0)
         if not self.mistrusts:
             if squares[-1] <= WRONG or squares[-1] < squares.max():
                 return None
@@ -142,5 +135,6 @@ class SolutionSeparation:
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         made = copy.copy(self)
         made._model = copy.deepcopy(self._model, memo)
-        made._x, made._P = self._x.copy(), self._P.copy()
+        made._x, made._P, made._levels = self._x.copy(), self._P.copy(), self._levels.copy()
+        made.squares, made.level = self.squares.copy(), self.level.copy()
         return made

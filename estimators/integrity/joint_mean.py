@@ -11,11 +11,13 @@ K the numbers with ``fewest`` values or more.
 from __future__ import annotations
 
 import copy
+import math
 
 import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.windows import CLIP, FEWEST
+from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers
 
 
@@ -50,21 +52,39 @@ class JointMean:
 
     def add(self, white: Array) -> None:
         """Add the whitened innovations (l,) of an update, NaN where nothing was read, or used."""
-        size, read = len(self._sums), np.isfinite(white)
-        after = self._sums[self._k % size].copy()
-        after[0] += np.clip(np.where(read, white, 0.0), -self._clip, self._clip)
-        after[1] += read
+        add_clipped(self._sums, self._k, white, self._clip)
         self._k += 1
-        self._sums[self._k % size] = after
 
-    def worst(self, kappa: float, numbers: slice = slice(None)) -> float:
-        """The largest statistic of all, or of some ``numbers``, over its threshold."""
-        size, largest = len(self._sums), 0.0
-        for n in self._lengths.tolist():
-            within = self._sums[self._k % size] - self._sums[(self._k - min(n, self._k)) % size]
-            sums, counts = within[:, numbers]
-            enough = counts > self._fewest - 0.5
-            if enough.any():
-                T = float((np.square(sums[enough]) / counts[enough]).sum()) / kappa
-                largest = max(largest, T / self._thresholds[int(enough.sum())])
-        return largest
+    def worst(self, kappa: float, number: int | None = None) -> float:
+        """The largest statistic of all, or of one ``number``, over its threshold."""
+        first, last = (0, self._sums.shape[2]) if number is None else (number, number + 1)
+        return float(largest(self._sums, self._k, first, last, self._lengths, self._fewest, kappa, self._thresholds))
+
+
+@njit(cache=True, nogil=True)
+def add_clipped(sums: Array, k: int, white: Array, clip: float) -> None:
+    """Write the running sums of update k + 1 behind those of k, of values that count as at most ``clip``."""
+    before, after = sums[k % len(sums)], sums[(k + 1) % len(sums)]
+    for i in range(len(white)):
+        read = math.isfinite(white[i])
+        after[0, i] = before[0, i] + (min(max(white[i], -clip), clip) if read else 0.0)
+        after[1, i] = before[1, i] + (1.0 if read else 0.0)
+
+
+@njit(cache=True, nogil=True)
+def largest(
+    sums: Array, k: int, first: int, last: int, lengths: Integers, fewest: int, kappa: float, thresholds: Array
+) -> float:  # fmt: skip
+    """The largest statistic of the numbers from ``first`` up to ``last`` over its threshold."""
+    found, now = 0.0, sums[k % len(sums)]
+    for n in lengths:
+        then = sums[(k - min(n, k)) % len(sums)]
+        T, numbers = 0.0, 0
+        for i in range(first, last):
+            count = now[1, i] - then[1, i]
+            if count > fewest - 0.5:
+                T += (now[0, i] - then[0, i]) ** 2 / count
+                numbers += 1
+        if numbers > 0:
+            found = max(found, T / kappa / thresholds[numbers])
+    return found

@@ -101,7 +101,7 @@ class NumberTests:
     def against(self, channel: int) -> float:
         """The largest ratio of a channel's own tests."""
         kappa, numbers = self.windows.kappa, self._numbers(channel)
-        leaps = (self._own.worst(kappa, slice(k, k + 1)) for k in numbers)  # where all together alarm at once
+        leaps = (self._own.worst(kappa, k) for k in numbers)  # where all together alarm at once
         return max(*leaps, *(self.windows.of_channel(k) for k in numbers))
 
     def is_quiet(self, channel: int, updates: int) -> bool:

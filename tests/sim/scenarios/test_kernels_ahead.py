@@ -39,6 +39,7 @@ def runs(room: Path) -> dict[str, Sequence[Run]]:
             (None, {"duration": 1.0}),
             ("range_ukf", {"duration": 1.0, "field.shape": "map", "field.map": str(room), **RANGE_FINDERS}),
             ("beacon_bank", {"duration": 4.0, **AMONG_BEACONS, "beacons.unknown": (0,), "start_known": True}),
+            ("beacon_bank", {"duration": 4.0, **AMONG_BEACONS}),
             ("mathnavi.estimators.beacons.certified:BeaconCertified", {"duration": 1.0, **AMONG_BEACONS}),
         ],
         "simultaneous-arrival": [

@@ -45,7 +45,7 @@ class FlightBeacons:
 
     A place that is None is not known: an estimator has to find it by what is read of it. Raises MissionError for two
     beacons at one place, if nothing is read, and for range differences to fewer than two beacons, or to a beacon 0 at a
-    place that is not known: whatever its place, another one of the others and of the flight has the same differences.
+    place that is not known: places are found one by one, and a difference tells of two.
     """
 
     places: SpatialPlaces  # (n, 3) [m] map frame; None: not known

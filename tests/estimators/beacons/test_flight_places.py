@@ -86,8 +86,9 @@ def test_a_straight_flight_does_not_tell_a_place_from_those_around_its_line_and_
 
 
 def test_bearings_from_a_straight_flight_tell_a_place_once_it_is_known_to_a_sixth_of_its_distance() -> None:
-    more = {"config": WITH_FIXES, "unknown": (3,), "read": BEARINGS, "bearing_noise": 0.05, "straight": True}
-    run = flight(PLACES, 2, 20.0, **more)
+    run = flight(
+        PLACES, 2, 20.0, config=WITH_FIXES, unknown=(3,), read=BEARINGS, bearing_noise=0.05, straight=True
+    )  # fmt: skip
     error, P = errors_of_place(run, 3)
     found = np.isfinite(error).all(axis=1)
     first = int(np.argmax(found))
@@ -101,22 +102,34 @@ def test_bearings_from_a_straight_flight_tell_a_place_once_it_is_known_to_a_sixt
     assert run.sure_and_wrong == 0.0
 
 
-def test_a_place_that_its_ranges_contradict_is_dropped() -> None:
-    run = flight(PLACES, 5, 28.0, config=WITH_FIXES, unknown=(3,), swing=300.0, failing=(3, 30.0), fails_at=24.0)
+@pytest.mark.parametrize(("read", "fails_at"), [(RANGES, 24.0), (BEARINGS, 12.0)])
+def test_a_place_that_its_readings_contradict_is_dropped(read: tuple[BeaconKind, ...], fails_at: float) -> None:
+    run = flight(
+        PLACES, 5, fails_at + 4.0, config=WITH_FIXES, unknown=(3,), read=read, swing=300.0, failing=(3, 30.0),
+        fails_at=fails_at,
+    )  # fmt: skip
     error, _ = errors_of_place(run, 3)
     found = np.isfinite(error).all(axis=1)
-    assert found[(run.t > 20.0) & (run.t < 24.0)].all()
-    assert not found[run.t > 25.0].any()
-    assert run.left_out[run.t > 25.0, 3].all()
+    assert found[(run.t > fails_at - 4.0) & (run.t < fails_at)].all()
+    assert not found[run.t > fails_at + 1.0].any()
+    assert run.left_out[run.t > fails_at + 1.0, 3].all()
     assert run.sure_and_wrong == 0.0
 
 
-@pytest.mark.parametrize(("unknown", "heard"), [((1, 2), True), ((0, 1, 2, 3), True), ((2, 3), False)])
+@pytest.mark.parametrize(
+    ("unknown", "heard", "read"),
+    [
+        ((1, 2), True, RANGES),
+        ((0, 1, 2, 3), True, RANGES),
+        ((2, 3), False, RANGES),
+        ((0, 1, 2, 3), True, BEARINGS),
+    ],
+)
 def test_without_fixes_it_flies_by_the_places_that_it_found_and_is_not_ok(
-    unknown: tuple[int, ...], heard: bool
+    unknown: tuple[int, ...], heard: bool, read: tuple[BeaconKind, ...]
 ) -> None:
     gap = (0.0, 0.0) if heard else (44.0, 50.0)
-    run = flight(PLACES, 2, 50.0, config=WITH_FIXES, unknown=unknown, swing=300.0, fixes_end=40.0, gap=gap)
+    run = flight(PLACES, 2, 50.0, config=WITH_FIXES, unknown=unknown, read=read, swing=300.0, fixes_end=40.0, gap=gap)
     after = run.t > 46.0
     said = {each.status for each in run.estimates if each.t > 46.0}
     if not heard:
@@ -140,6 +153,23 @@ def test_a_known_beacon_that_is_stuck_is_not_used_for_places() -> None:
     assert run.left_out[-1, 0] == 1.0
     assert error[-1] @ np.linalg.solve(P[-1], error[-1]) < THREE_SIGMA
     assert run.sure_and_wrong == 0.0
+
+
+def test_differences_to_a_beacon_at_fault_are_not_used_for_places() -> None:
+    run = flight(
+        PLACES, 1, 26.0, config=WITH_FIXES, unknown=(2, 3), read=(*RANGES, *BEARINGS, *DIFFERENCES), swing=300.0,
+        failing=(0, 10.0), fails_at=15.0,
+    )  # fmt: skip
+    out = run.left_out[:, 0] > 0.0
+    assert run.sure_and_wrong == 0.0
+    for i in (2, 3):
+        error, P = errors_of_place(run, i)
+        found = np.isfinite(error).all(axis=1)
+        assert found[(run.t > 10.0) & (run.t < 15.0)].all()
+        assert not found[np.flatnonzero(out)[0] :][:150].any()
+        assert found[-1]
+        assert out[-1]
+        assert error[-1] @ np.linalg.solve(P[-1], error[-1]) < THREE_SIGMA
 
 
 def test_ranges_from_a_way_in_a_plane_fit_two_places_and_bearings_one() -> None:

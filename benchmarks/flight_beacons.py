@@ -80,7 +80,7 @@ CONDITIONS: Mapping[str, dict[str, Any]] = {
         "estimator.fixes": True,
     },
     "6 beacons, 2 at unknown places": by_beacons(6) | {"beacons.unknown": (1, 3)},
-    "bearings of 4, 2 at unknown places": by_beacons(4, read="bearings") | {"beacons.unknown": (1, 3)},
+    "bearings of 6, 2 at unknown places": by_beacons(6, read="bearings") | {"beacons.unknown": (1, 3)},
     "differences of 6, 2 at unknown places": by_beacons(6, read="range-differences") | {"beacons.unknown": (1, 3)},
 }
 

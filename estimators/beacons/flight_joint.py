@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from mathnavi.estimators.beacons.flight_quality import thrice
@@ -66,7 +67,8 @@ class JointFlight:
         by the numbers of their beacons, and ranges [m] of them.
         """
         self.t, self._noise = t, noise
-        self._known = np.isfinite(noise.rows.places).all(axis=1)[noise.rows.beacons]  # (m,) of the rows
+        given: NDArray[np.bool_] = np.asarray(np.isfinite(noise.rows.places).all(axis=1))
+        self._known = given[noise.rows.beacons]  # (m,) of the rows
         self.numbers = tuple(places)
         """beacons of the state"""
         m = len(places)

@@ -3,9 +3,12 @@
     minimise  c(b) = sum_k w_k (y_k - h_k(p_k, b))^2,    w_k = 1 / (R_k + g_k' P_k g_k),
 
 h_k a range, an azimuth or an elevation of ``beacon_readings``, R_k the variance of its noise, g_k its derivative by the
-position, of covariance P_k, by Levenberg and Marquardt's steps. So w_k is not the same at two places, but for ranges:
-where these are compared, the cost has sum_k log(1 / w_k) besides. A difference is a range once the range from p_k to
-beacon 0 is added, whose derivative g_k has too. Of each beacon there is one difference an instant, so that the noise of
+position, of covariance P_k, by Levenberg and Marquardt's steps. A difference is a range once the range from p_k to
+beacon 0 is added. Its g_k, the difference of two directions, may be anything from 0 to 2 long at another place, where
+g_k' P_k g_k is at most twice the sum of what both directions have: that is taken. Readings shortly after one another
+have the error of the position in common, by which another place than the true one may fit better; so P_k counts three
+times, for few places are to be excluded before filters compare them. Of ranges alone it does not, of which g_k is
+nearly the same for all. Of each beacon there is one difference an instant, so that the noise of
 the arrival from beacon 0 is independent from one to the next: R_k is twice that of a range.
 
 The steps begin where a reading says that the place is: all around the way at the range that was read in its middle, and
@@ -19,13 +22,13 @@ all minima are returned that fit nearly as well, with their costs.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array, Integers
-from mathnavi.models.aerial.beacon_readings import AZIMUTH, ELEVATION, NEAREST, RANGE
+from mathnavi.models.aerial.beacon_readings import AZIMUTH, DIFFERENCE, ELEVATION, NEAREST, RANGE
 from mathnavi.models.angles import wrapped
 
 _AROUND = 24  # directions in which fits begin, and places on rays at which they do
@@ -33,6 +36,7 @@ _ON_RAYS = (0.25, 0.5, 0.75)  # of the way, where the bearings were read
 _NEAR, _FAR = 10.0, 1e5  # [m] along them
 _COARSE, _STEPS, _POLISH = 40, 15, 8  # readings of a kind in the first steps, and numbers of steps
 _CAUCHY = 25.0  # q
+_IN_COMMON = 3.0  # times that the variance of a position counts, but for ranges alone
 _APART = 16.0  # squared Mahalanobis distance from which on a place is another one
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 NEARLY = 60.0
@@ -70,19 +74,19 @@ class PlaceReadings:
         some = (self.y[which], self.variance[which], self.p[which], self.P[which], self.reference[which])
         return PlaceReadings(self.kinds[which], *some)
 
-    def spread(self, places: Array) -> Array:
-        """Variances (K, N) with what the positions add for ``places`` (K, 3)."""
-        return np.array([self._spread(place) for place in places])
-
-    def _spread(self, place: Array) -> Array:
-        """Variances (N,) for a ``place`` (3,)."""
+    def spread(self, place: Array) -> PlaceReadings:
+        """The same with variances that the positions add to, for a ``place`` (3,)."""
         e = self.p - place
-        g = e / np.maximum(np.linalg.norm(e, axis=1), NEAREST)[:, None] - self.reference
+        g = e / np.maximum(np.linalg.norm(e, axis=1), NEAREST)[:, None]
         for kind in (AZIMUTH, ELEVATION):
             of_kind = self.kinds == kind
             g[of_kind] = _bearings(kind, e[of_kind])[1]  # but for its sign
-        variance: Array = self.variance + np.einsum("ni,nij,nj->n", g, self.P, g)
-        return variance
+        added = np.einsum("ni,nij,nj->n", g, self.P, g)
+        if not (self.kinds == RANGE).all():
+            differs = self.kinds == DIFFERENCE
+            both = added + np.einsum("ni,nij,nj->n", self.reference, self.P, self.reference)
+            added = _IN_COMMON * np.where(differs, 2.0 * both, added)
+        return replace(self, variance=self.variance + added)
 
 
 def place_fits(read: PlaceReadings, *, outliers: bool) -> list[PlaceFit]:
@@ -92,20 +96,16 @@ def place_fits(read: PlaceReadings, *, outliers: bool) -> list[PlaceFit]:
     coarse = np.concatenate(
         [each[np.unique(np.linspace(0, len(each) - 1, min(len(each), _COARSE)).astype(np.int64))] for each in by_kind]
     )
-    first = read.of(coarse)
-    found = _descended(_begun(read), first, first.variance[None], _STEPS, cauchy=False)
+    found = _descended(_begun(read), read.of(coarse), _STEPS, cauchy=False)
     centre = p.mean(axis=0)
     axes = np.linalg.svd(p - centre, full_matrices=True)[2] if n < 4 else np.linalg.eigh(np.cov((p - centre).T))[1].T
-    found = found[np.argsort(_costs(found, first, first.variance[None], cauchy=False), kind="stable")]
+    found = found[np.argsort(_costs(found, read.of(coarse), cauchy=False), kind="stable")]
     images = [found[0] - 2.0 * np.outer(e, e) @ (found[0] - centre) for e in axes]
+    read = read.spread(found[0])
     found = np.vstack([found[: _AROUND // 2], images])
-    alone = bool((read.kinds == RANGE).all())  # then the variances are nearly the same for all places
-    best = found[:1]
-    variance = first.spread(best if alone else found)
-    found = _descended(found, first, variance, _STEPS, cauchy=outliers)
-    places = np.array([each.place for each in _distinct(found, first, variance, outliers=outliers)])
-    variance = read.spread(best if alone else places)
-    fits = _distinct(_descended(places, read, variance, _POLISH, cauchy=outliers), read, variance, outliers=outliers)
+    found = _descended(found, read.of(coarse), _STEPS, cauchy=outliers)
+    places = np.array([each.place for each in _distinct(found, read.of(coarse), outliers=outliers)])
+    fits = _distinct(_descended(places, read, _POLISH, cauchy=outliers), read, outliers=outliers)
     return [each for each in fits if each.cost <= fits[0].cost + NEARLY]
 
 
@@ -127,13 +127,12 @@ def _begun(read: PlaceReadings) -> Array:
     return np.vstack(begun)
 
 
-def _distinct(places: Array, read: PlaceReadings, variance: Array, *, outliers: bool) -> list[PlaceFit]:
-    """Fits at places (K, 3) that are not one and the same, the best first, for variances (K, N) or (1, N)."""
-    costs = _costs(places, read, variance, cauchy=outliers) + np.log(variance / variance[:1]).sum(axis=1)
-    variance = np.broadcast_to(variance, (len(places), len(read.y)))
+def _distinct(places: Array, read: PlaceReadings, *, outliers: bool) -> list[PlaceFit]:
+    """Fits at places (K, 3) that are not one and the same, the best first."""
+    costs = _costs(places, read, cauchy=outliers)
     kept: list[PlaceFit] = []
     for k in np.argsort(costs, kind="stable").tolist():
-        J, _, w = _linear(places[k : k + 1], read, variance[k : k + 1], cauchy=outliers)
+        J, _, w = _linear(places[k : k + 1], read, cauchy=outliers)
         information = np.einsum("n,ni,nj->ij", w[0], J[0], J[0])
         away = [each.place - places[k] for each in kept]
         if all(
@@ -143,10 +142,8 @@ def _distinct(places: Array, read: PlaceReadings, variance: Array, *, outliers: 
     return kept
 
 
-def _linear(b: Array, read: PlaceReadings, variance: Array, *, cauchy: bool) -> tuple[Array, Array, Array]:
-    """Derivatives (K, N, 3) of the numbers by places b (K, 3), residuals (K, N) and weights (K, N), by variances
-    (K, N) or (1, N).
-    """
+def _linear(b: Array, read: PlaceReadings, *, cauchy: bool) -> tuple[Array, Array, Array]:
+    """Derivatives (K, N, 3) of the numbers by places b (K, 3), residuals (K, N) and weights (K, N)."""
     d = b[:, None, :] - read.p
     rho = np.maximum(np.sqrt(np.einsum("kni,kni->kn", d, d)), NEAREST)
     J, r = d / rho[:, :, None], read.y - rho
@@ -155,7 +152,7 @@ def _linear(b: Array, read: PlaceReadings, variance: Array, *, cauchy: bool) -> 
         if of_kind.any():
             h, J[:, of_kind] = _bearings(kind, d[:, of_kind])
             r[:, of_kind] = wrapped(read.y[of_kind] - h)
-    w = np.broadcast_to(1.0 / variance, r.shape)
+    w = np.broadcast_to(1.0 / read.variance, r.shape)
     return J, r, w / (1.0 + w * r * r / _CAUCHY) if cauchy else w
 
 
@@ -169,23 +166,23 @@ def _bearings(kind: int, d: Array) -> tuple[Array, Array]:
     return np.arctan2(z, r), np.stack([-z * x / r, -z * y / r, r], axis=-1) / square[..., None]
 
 
-def _costs(b: Array, read: PlaceReadings, variance: Array, *, cauchy: bool) -> Array:
+def _costs(b: Array, read: PlaceReadings, *, cauchy: bool) -> Array:
     """Costs (K,) at places (K, 3)."""
-    squares = np.square(_linear(b, read, variance, cauchy=False)[1]) / variance
+    squares = np.square(_linear(b, read, cauchy=False)[1]) / read.variance
     costs: Array = (_CAUCHY * np.log1p(squares / _CAUCHY) if cauchy else squares).sum(axis=1)
     return costs
 
 
-def _descended(b: Array, read: PlaceReadings, variance: Array, steps: int, *, cauchy: bool) -> Array:
+def _descended(b: Array, read: PlaceReadings, steps: int, *, cauchy: bool) -> Array:
     """Places (K, 3) after some steps from b (K, 3), each with its own damping."""
-    damping, cost = np.full(len(b), 1e-3), _costs(b, read, variance, cauchy=cauchy)
+    damping, cost = np.full(len(b), 1e-3), _costs(b, read, cauchy=cauchy)
     for _ in range(steps):
-        J, r, w = _linear(b, read, variance, cauchy=cauchy)
+        J, r, w = _linear(b, read, cauchy=cauchy)
         A = np.einsum("kn,kni,knj->kij", w, J, J)
         g = np.einsum("kn,kni,kn->ki", w, J, r)
         scale = np.maximum(np.trace(A, axis1=1, axis2=2), 1e-12)
         tried = b + np.linalg.solve(A + (damping * scale)[:, None, None] * np.eye(3), g[:, :, None])[:, :, 0]
-        new = _costs(tried, read, variance, cauchy=cauchy)
+        new = _costs(tried, read, cauchy=cauchy)
         better = new < cost
         b, cost = np.where(better[:, None], tried, b), np.where(better, new, cost)
         damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-9, 1e3)

@@ -76,6 +76,15 @@ def test_most_places_are_found_and_their_covariances_are_consistent() -> None:
     assert chdtri(3 * len(squares), 0.999) < sum(squares) < chdtri(3 * len(squares), 0.001)
 
 
+def test_a_mirror_image_that_the_errors_of_the_way_suit_better_is_not_taken_for_the_place() -> None:
+    run = flight(PLACES, 6, 30.0, config=WITH_FIXES, unknown=(1, 2, 3), read=DIFFERENCES, swing=300.0)
+    for i in (1, 2, 3):
+        error, P = errors_of_place(run, i)
+        found = np.isfinite(error).all(axis=1)
+        squares = [e @ np.linalg.solve(each, e) for e, each in zip(error[found], P[found], strict=True)]
+        assert max(squares, default=0.0) < 25.0
+
+
 def test_a_straight_flight_does_not_tell_a_place_from_those_around_its_line_and_says_so() -> None:
     for read in (RANGES, DIFFERENCES):
         run = flight(PLACES, 1, 15.0, config=WITH_FIXES, unknown=(3,), read=read, straight=True)

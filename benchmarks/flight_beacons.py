@@ -6,8 +6,8 @@ One mission of ``safe-flight`` over the terrain jacksboro, 2.8 km under gusts of
 estimator ``kalman``, ten times a second each: by fixes with 2 m of noise on each axis, by ranges with 0.5 m of noise to
 four or six beacons, by bearings with 1 mrad of noise to four, and by range differences of six, of arrivals with 0.5 m
 of noise; and with a beacon that fails from 10 s on: stuck, or off by 5 m, or 10 mrad. The places of two beacons are
-found in flight, by fixes or by four others. What three beacons tell leaves nothing to plan with there, unless the
-flight arrives within 150 m of its target and may be 10 m above the ground.
+found in flight, by ranges, bearings or differences, while fixes or the others carry it. What three beacons tell leaves
+nothing to plan with there, unless the flight arrives within 150 m of its target and may be 10 m above the ground.
 """
 
 from __future__ import annotations
@@ -80,6 +80,8 @@ CONDITIONS: Mapping[str, dict[str, Any]] = {
         "estimator.fixes": True,
     },
     "6 beacons, 2 at unknown places": by_beacons(6) | {"beacons.unknown": (1, 3)},
+    "bearings of 6, 2 at unknown places": by_beacons(6, read="bearings") | {"beacons.unknown": (1, 3)},
+    "differences of 6, 2 at unknown places": by_beacons(6, read="range-differences") | {"beacons.unknown": (1, 3)},
 }
 
 

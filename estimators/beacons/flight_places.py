@@ -1,13 +1,13 @@
 """A flight that finds the places of beacons which it was not given, and then flies by them too.
 
-A carrier, the filter with its monitor by fixes and by the ranges to beacons at known places, never sees the ranges to
-the others. These are kept with all other readings of the last minute, and searched every two seconds
-(``flight_place_search``). Once a place is believed, the joint filter of flight and places goes on with each new
-reading, and its state is what is published. It has used each reading once, and the carrier is what it was: so both can
-be compared. Where the means of a place's innovations or of their squares, over the last readings, or the distance from
-the carrier, cannot be chance, all places are dropped: the carrier's estimate is published, and places are searched
-again from readings since then. So they are where a test of the carrier alarms, or the channels change that it leaves
-out; those are not used for places either.
+A carrier, the filter with its monitor by fixes and by what is read of beacons at known places, never sees what is read
+of the others: ranges, bearings, and range differences to beacon 0, whose place is known. That is kept with all other
+readings of the last minute, and searched every two seconds (``flight_place_search``). Once a place is believed, the
+joint filter of flight and places goes on with each new reading, and its state is what is published. It has used each
+reading once, and the carrier is what it was: so both can be compared. Where the means of the innovations of one of a
+place's numbers or of their squares, over the last readings, or the distance from the carrier, cannot be chance, all
+places are dropped: the carrier's estimate is published, and places are searched again from readings since then. So they
+are where a test of the carrier alarms, or the channels change that it leaves out; those are not used for places either.
 
 Where the carrier has too few readings, such as without fixes, but none of its tests alarms, the joint filter goes on by
 the beacons that it has found. Nothing else tells how right that is: the status is DEGRADED.
@@ -32,15 +32,15 @@ from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.reading_counts import COUNTS, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
-from mathnavi.models.aerial.beacon_readings import BeaconRows
+from mathnavi.models.aerial.beacon_readings import AZIMUTH, DIFFERENCE, LEAST_ANGLE, RANGE, BeaconRows
 from mathnavi.models.aerial.beacons import FlightBeacons
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.models.beacon_names import RANGES
+from mathnavi.models.beacon_names import BEARINGS
 
 _MEMORY, _EVERY = 60.0, 2.0  # [s] for which readings are kept, and between two searches
 _STEPS = 40  # of a filter that a search takes in one update
 _WINDOWS = (3, 10, 30)  # innovations
-_CARRIES = 3  # beacons at known places that carry a flight without fixes
+_CARRIES = {RANGE: 3, AZIMUTH: 2, DIFFERENCE: 3}  # numbers of a kind that carry a flight without fixes
 _FIXES = "position"
 
 
@@ -68,37 +68,43 @@ class PlacedFlight:
         self._unknown, n = beacons.unknown, len(beacons.places)
         self._known = tuple(i for i in range(n) if i not in self._unknown)
         self._channels = np.append(self._known, np.arange(n, n + 3 * self._fixes)).astype(np.int64)
-        known = beacons.known
+        self._rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
+        self._given = _values_of_known(beacons)
+        starts = {name: rows.slices[name].start for name in self._given}
+        self._numbers = np.array(  # rows that the carrier reads, in its order
+            [starts[name] + k for name, own in self._given.items() for k in own], dtype=np.int64
+        )
         std = max(beacons.noise, config.noise_floor)
         axis = AxisModel(max(clipped_rms(mission.gust), config.gust_floor), mission.gust.time_constant, std)
-        rows = None if known is None else BeaconRows(known, config.noise_floor)
         fix_variance = max(mission.position_noise, config.noise_floor) ** 2
-        self._noise, self._timeout = Noise(axis, rows, self._known, fix_variance, std**2), config.timeout
+        self._noise, self._timeout = Noise(axis, rows, fix_variance), config.timeout
         self._window: deque[Kept] = deque()
         self._joint: JointFlight | None = None
         self._search: PlaceSearch | None = None
         self._t = -math.inf  # [s] of the last update
         self._before: tuple[float, Array, Array] | None = None  # t, x and P of the carrier
         self._due = -math.inf
-        self._heard = np.full(n, -math.inf)  # [s] of the last range of each beacon
+        self._heard = np.full(rows.size, -math.inf)  # [s] of the last number of each row
         self._out = np.zeros(len(self._channels))  # 1 for a channel that the carrier leaves out
-        self._tests: dict[int, deque[float]] = {i: deque(maxlen=_WINDOWS[-1]) for i in self._unknown}
+        self._tests: dict[int, deque[float]] = {  # of the rows of beacons at unknown places
+            k: deque(maxlen=_WINDOWS[-1]) for k in np.flatnonzero(np.isin(rows.beacons, self._unknown)).tolist()
+        }
         self._doubted: set[int] = set()
-        self._said = dict.fromkeys(self._unknown, "waits for its ranges")
+        self._said = dict.fromkeys(self._unknown, "waits for its readings")
         self._malformed = 0
 
     # ---- readings
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (6,) [m, m/s] at t [s]; ``command`` (3,) [m/s^2] was held since the last call."""
-        fixes, ranges, given = self._split(measurements)
+        fixes, readings, given = self._split(measurements)
         estimate = self._carrier.update(t, given, command)
         out = estimate.extra.get("left_out", np.zeros(len(self._out)))
         alarmed = float(estimate.extra["integrity"][0]) >= 1.0
         if alarmed or not np.array_equal(out, self._out):
             self._forget("waits until the flight knows where it is without it")
             self._out = out.copy()
-        step = self._step(t, command, fixes, ranges)
+        step = self._step(t, command, fixes, readings)
         self._t = t
         source = alone(self._carrier)
         assert isinstance(source, WholeState)
@@ -117,36 +123,38 @@ class PlacedFlight:
     def _split(
         self, measurements: Sequence[Measurement]
     ) -> tuple[list[tuple[float, Array]], list[tuple[float, Array]], list[Measurement]]:
-        """Fixes (3,) and ranges (n,) since the last update with their times [s], and what the carrier may see."""
-        given, fixes, ranges = [], [], []
-        n = len(self._beacons.places)
+        """Fixes (3,) and numbers (m,) since the last update with their times [s], and what the carrier may see."""
+        given, fixes, readings = [], [], []
         for each in measurements:
-            if each.name == RANGES and each.value.shape == (n,):
-                y = np.where(np.isfinite(each.value) & (each.value >= 0.0), each.value, np.nan)
-                if each.t > self._t:
-                    ranges.append((each.t, y))
-                if self._known:
-                    given.append(replace(each, value=each.value[list(self._known)]))
-            elif each.name == RANGES:
+            own = self._rows.slices.get(each.name)
+            if own is not None and each.value.shape != (own.stop - own.start,):
                 self._malformed += 1
+            elif own is not None:
+                good = np.isfinite(each.value) & self._rows.possible(each.name, each.value)
+                if each.t > self._t:
+                    y = np.full(self._rows.size, np.nan)
+                    y[own] = np.where(good, each.value, np.nan)
+                    readings.append((each.t, y))
+                if each.name in self._given:
+                    given.append(replace(each, value=each.value[self._given[each.name]]))
             else:
                 whole = each.value.shape == (3,) and bool(np.isfinite(each.value).all())
                 if each.name == _FIXES and self._fixes and whole and each.t > self._t:
                     fixes.append((each.t, each.value.copy()))
                 given.append(each)
-        return fixes, ranges, given
+        return fixes, readings, given
 
     def _step(
-        self, t: float, command: Array, fixes: list[tuple[float, Array]], ranges: list[tuple[float, Array]]
+        self, t: float, command: Array, fixes: list[tuple[float, Array]], readings: list[tuple[float, Array]]
     ) -> Step:
-        """Readings without the channels that the carrier leaves out."""
-        n, out = len(self._beacons.places), self._channels[self._out > 0.0]
-        for at, y in ranges:
-            y[out[out < n]] = np.nan
+        """Readings without the channels that the carrier leaves out, of beacon 0 with all differences to it."""
+        n, out, rows = len(self._beacons.places), self._channels[self._out > 0.0], self._rows
+        for at, y in readings:
+            y[np.isin(rows.beacons, out) | ((rows.kinds == DIFFERENCE) & (0 in out))] = np.nan
             self._heard[np.isfinite(y)] = at
         for _, fix in fixes:
             fix[out[out >= n] - n] = np.nan
-        return Step(t, command.copy(), fixes, ranges)
+        return Step(t, command.copy(), fixes, readings)
 
     # ---- places
 
@@ -154,27 +162,28 @@ class PlacedFlight:
         """Drop all places, and all readings so far."""
         self._joint, self._search, self._before, self._due = None, None, None, -math.inf
         self._window.clear()
-        for i in self._unknown:
-            self._tests[i].clear()
-            self._said[i] = why
+        for tests in self._tests.values():
+            tests.clear()
+        self._said = dict.fromkeys(self._unknown, why)
 
     def _go_on(self, step: Step, moments: tuple[Array, Array] | None) -> None:
         """Use a step, and test what it says of the places."""
         joint = self._joint
         assert joint is not None
-        for i, e in joint.advance(step):
-            self._tests[i].append(e)
-        wrong = [i for i in joint.numbers if _alarms(self._tests[i])]
+        for k, e in joint.advance(step):
+            self._tests[k].append(e)
+        alarmed = {int(self._rows.beacons[k]) for k, tests in self._tests.items() if _alarms(tests)}
+        wrong = [i for i in joint.numbers if i in alarmed]
         apart = False
         if moments is not None:
             x, P = moments
             d = joint.x[:3] - x[:3]
             apart = float(d @ np.linalg.solve(P[:3, :3], d)) > chdtri(3, CHANCE)
         if wrong or apart:
-            self._forget("waits for ranges since its place was dropped")
+            self._forget("waits for readings since its place was dropped")
             self._doubted |= set(wrong or joint.numbers)
             for i in wrong:
-                self._said[i] = "was dropped: its ranges contradict its place"
+                self._said[i] = "was dropped: its readings contradict its place"
 
     def _keep(self, step: Step, moments: tuple[Array, Array]) -> None:
         """Keep a step that the carrier is sure of, and search places that are not known."""
@@ -198,8 +207,8 @@ class PlacedFlight:
             self._joint = self._search.joint
             assert self._joint is not None
             self._doubted -= set(self._joint.numbers)
-            for i in self._joint.numbers:
-                self._tests[i].clear()
+            for tests in self._tests.values():
+                tests.clear()
         self._search = None
 
     # ---- what is said
@@ -215,7 +224,7 @@ class PlacedFlight:
         extra["left_out"] = _spread(estimate.extra.get("left_out"), self._channels, n + 3 * self._fixes, 0.0)
         extra["left_out"][sorted(self._doubted)] = 1.0
         for name in ("innovations", "innovation_std"):
-            extra[name] = _spread(estimate.extra.get(name), np.array(self._known, dtype=np.int64), n, math.nan)
+            extra[name] = _spread(estimate.extra.get(name), self._numbers, self._rows.size, math.nan)
         extra |= {"beacon_places": places, "beacon_places_covariance": covariance}
         if self._malformed and COUNTS in extra:
             counts = np.array(extra[COUNTS])
@@ -235,9 +244,19 @@ class PlacedFlight:
         return replace(estimate, x=x, covariance=P, status=status, extra=extra, message=message)
 
     def _is_carried(self, t: float, joint: JointFlight) -> bool:
-        """True while as many beacons are heard, at places given and found, as carry a flight."""
-        placed = [*self._known, *joint.numbers]
-        return int((t - self._heard[placed] <= self._timeout).sum()) >= _CARRIES
+        """True while as many numbers of a kind are read, of beacons at places given and found, as carry a flight."""
+        placed = np.isin(self._rows.beacons, [*self._known, *joint.numbers])
+        heard = self._rows.kinds[placed & (t - self._heard <= self._timeout)]
+        return any(int((heard == kind).sum()) >= fewest for kind, fewest in _CARRIES.items())
+
+
+def _values_of_known(beacons: FlightBeacons) -> dict[str, Integers]:
+    """Of the sensors that the carrier reads, the values that are of beacons at known places."""
+    if beacons.known is None:
+        return {}
+    known = np.flatnonzero(np.isfinite(beacons.array).all(axis=1))
+    both = np.append(known, len(beacons.places) + known)
+    return {name: both if name == BEARINGS else known for name in beacons.known.sensor_names}
 
 
 def _spread(values: Array | None, at: Integers, size: int, nothing: float) -> Array:
@@ -263,9 +282,11 @@ def _alarms(innovations: Sequence[float]) -> bool:
 def check_carried(config: KalmanConfig, beacons: FlightBeacons) -> None:
     """MissionError for unknown places where nothing else tells the flight where it is."""
     known = len(beacons.places) - len(beacons.unknown)
-    if beacons.unknown and not config.fixes and known < _CARRIES:
+    enough = {"ranges": _CARRIES[RANGE], "bearings": _CARRIES[AZIMUTH], "range-differences": _CARRIES[DIFFERENCE] + 1}
+    fewest = min(enough[kind] for kind in beacons.read)
+    if beacons.unknown and not config.fixes and known < fewest:
         raise MissionError(
             f"beacons {beacons.unknown!r} at unknown places, and {known} at known ones without fixes: nothing tells "
-            f"the flight where it is while it finds them; allowed: estimator.fixes, or {_CARRIES} beacons or more at "
+            f"the flight where it is while it finds them; allowed: estimator.fixes, or {fewest} beacons or more at "
             "known places"
         )

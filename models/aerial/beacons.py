@@ -43,9 +43,9 @@ SpatialPlaces = Annotated[
 class FlightBeacons:
     """Beacons at ``places`` (n, 3) [m] in the map frame, what is read of them, and the declared errors.
 
-    A place that is None is not known: an estimator has to find it by ranges. Raises MissionError for two beacons at one
-    place, if nothing is read, for range differences to fewer than two beacons, and for anything but ranges of beacons
-    at unknown places.
+    A place that is None is not known: an estimator has to find it by what is read of it. Raises MissionError for two
+    beacons at one place, if nothing is read, and for range differences to fewer than two beacons, or to a beacon 0 at a
+    place that is not known: places are found one by one, and a difference tells of two.
     """
 
     places: SpatialPlaces  # (n, 3) [m] map frame; None: not known
@@ -66,8 +66,11 @@ class FlightBeacons:
             raise MissionError(f"beacons: read is empty; allowed: {', '.join(SENSORS)}")
         if "range-differences" in self.read and len(self.places) < 2:
             raise MissionError("beacons: range differences to one beacon; allowed: two beacons or more")
-        if self.unknown and self.read != ("ranges",):
-            raise MissionError(f"beacons: unknown places with read = {self.read!r}; allowed: ranges alone")
+        if "range-differences" in self.read and self.places[0] is None:
+            raise MissionError(
+                f"beacons: the place of beacon 0 is not known, with read = {self.read!r}; allowed: a place of beacon 0 "
+                "that is known, to which range differences are taken, or no range-differences"
+            )
 
     @property
     def unknown(self) -> tuple[int, ...]:
@@ -76,9 +79,12 @@ class FlightBeacons:
 
     @property
     def known(self) -> FlightBeacons | None:
-        """The beacons at known places alone; None if there is none."""
+        """The beacons at known places alone, with what is read of them: of one there is no difference. None if nothing
+        is.
+        """
         places = tuple(place for place in self.places if place is not None)
-        return replace(self, places=places) if places else None
+        read = tuple(kind for kind in self.read if kind != "range-differences" or len(places) > 1)
+        return replace(self, places=places, read=read) if places and read else None
 
     @property
     def sensor_names(self) -> tuple[str, ...]:

@@ -95,10 +95,10 @@ class FlightBeaconFields:
     def __post_init__(self) -> None:
         check_beacons(self)
         check_unknown(self)
-        if self.unknown and self.read != ("ranges",):
+        if "range-differences" in self.read and 0 in self.unknown:
             raise FieldError(
-                f"beacons.unknown = {self.unknown!r} with beacons.read = {self.read!r}; allowed: ranges alone, by "
-                "which places are found"
+                f"beacons.unknown = {self.unknown!r} with beacons.read = {self.read!r}; allowed: numbers from 1, for "
+                "range differences are taken to beacon 0, or no range-differences"
             )
 
     def given(self) -> FlightBeacons | None:

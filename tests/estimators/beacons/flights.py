@@ -76,6 +76,7 @@ def flight(
     straight: bool = False,
     fixes_end: float = math.inf,
     fails_at: float = 15.0,
+    bearing_noise: float = 0.002,
 ) -> Flown:
     """A flight about its start, ``swing`` [m] up and down; ``sinks`` [m/s] besides that.
 
@@ -85,7 +86,7 @@ def flight(
     """
     rng = np.random.default_rng(seed)
     start = (*rng.uniform(1500.0, 4500.0, 2).tolist(), height + 50.0 * rng.uniform(-1.0, 1.0))
-    beacons = FlightBeacons(places, read=read, bearing_noise=0.002)
+    beacons = FlightBeacons(places, read=read, bearing_noise=bearing_noise)
     told = replace(beacons, places=tuple(None if i in unknown else place for i, place in enumerate(places)))
     mission, config = mission_of(told, start), config or KalmanConfig()
     estimator = Kalman.build(config, mission)

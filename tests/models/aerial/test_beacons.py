@@ -133,6 +133,11 @@ def test_all_differences_to_a_failing_reference_are_off_by_the_same(offset: floa
         ({"read": ()}, MissionError, "read is empty"),
         ({"read": ("range-differences",), "places": PLACES[:1]}, MissionError, "differences to one beacon"),
         ({"bearing_noise": -1.0}, FieldError, "bearing_noise = -1.0"),
+        (
+            {"read": ("ranges", "range-differences"), "places": (None, *PLACES)},
+            MissionError,
+            "the place of beacon 0 is not known, .*; allowed: a place of beacon 0 that is known",
+        ),
     ],
 )
 def test_beacons_that_cannot_be_are_refused(fields: dict[str, object], error: type[Exception], words: str) -> None:

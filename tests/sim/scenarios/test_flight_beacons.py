@@ -88,8 +88,10 @@ def test_it_arrives_by_bearings_and_differences_and_its_log_gives_the_same_estim
     assert [text.get_text() for text in figure.axes[1].get_yticklabels()][-2:] == ["4", "5"]
 
 
-def test_it_finds_beacons_on_its_way_and_its_log_gives_the_same_places(tmp_path: Path) -> None:
+@pytest.mark.parametrize("read", [("ranges",), ("bearings", "range-differences")])
+def test_it_finds_beacons_on_its_way_and_its_log_gives_the_same_places(tmp_path: Path, read: tuple[str, ...]) -> None:
     unknown = {"beacons.places": PLACES[:4], "beacons.unknown": (1, 3), "noise.position": 2.0, "estimator.fixes": True}
+    unknown |= {"beacons.read": read, "beacons.bearing_noise": 0.002} if "bearings" in read else {}
     run = mn.run("safe-flight", seed=3, estimator="kalman", **(FIELDS | unknown))
     assert run.success
     assert run.summary["beacons_found"] == 2
@@ -124,7 +126,10 @@ def test_it_finds_beacons_on_its_way_and_its_log_gives_the_same_places(tmp_path:
             r"faults.beacons = \(0, 2, 0\), of 6 beacons; allowed: different numbers, 0 to 5",
         ),
         ({"beacons.unknown": (6,)}, r"beacons.unknown = \(6,\) with 6 places; allowed: different numbers"),
-        ({"beacons.unknown": (0,), "beacons.read": ("bearings",)}, "beacons.unknown = .*; allowed: ranges alone"),
+        (
+            {"beacons.unknown": (1, 0), "beacons.read": ("ranges", "range-differences")},
+            r"beacons.unknown = \(1, 0\) with beacons.read = .*; allowed: numbers from 1",
+        ),
         ({"beacons.places": ()}, "beacons.range_noise = 0.5 without beacons.places; allowed"),
     ],
 )

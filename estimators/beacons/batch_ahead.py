@@ -1,4 +1,4 @@
-"""The kernels of a run with beacons at unknown places, and of the monitor, compiled ahead (``sim.engine.compilation``)."""
+"""The kernels of a run with beacons at unknown places, and of the monitor (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 

@@ -14,6 +14,6 @@ _FILTERS = (TWO, THREE)  # states and covariances
 KERNELS: tuple[Signature, ...] = (
     (predict, (*_FILTERS, *(_NUMBER,) * 5)),
     (condition, (*_FILTERS, ONE, _NUMBER, _WHOLE, _WHOLE, TWO, WHOLES, ONE, TWO)),
-    (merged, (*_FILTERS, ONE, _NUMBER, _NUMBER)),
+    (merged, (*_FILTERS, ONE, *(_NUMBER,) * 3)),
     *innovations_ahead.KERNELS,
 )

@@ -241,7 +241,7 @@ class BeaconFilter:
         for row in np.flatnonzero(np.isfinite(y)).tolist():
             self._read[self.model.entries[row][1]] += 1
         for (row, *_), out in zip(answers, refused.tolist(), strict=True):
-            i = self.model.entries[row][1]
+            i = self.model.contradicted(*self.model.entries[row])
             own = self._refused_of[i]
             own.append(out)
             if self.model.columns[i] >= 0 and len(own) == _RECENT and sum(own) >= _REFUSED:

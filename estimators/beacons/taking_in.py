@@ -27,9 +27,10 @@ AROUND = 48
 """directions about the robot"""
 SPREAD = 0.6
 """of the distance between two places next to each other: standard deviation"""
+LEAST = 1.0 / 256.0
+"""of the diagonal of the box: the least distance on a ray"""
 _ALONG = 16  # distances on a ray
-_LEAST = 1.0 / 256.0  # of the diagonal of the box: the least of them
-_GAP = -math.log(_LEAST) / (_ALONG - 1)  # between logarithms of two distances
+_GAP = -math.log(LEAST) / (_ALONG - 1)  # between logarithms of two distances
 
 
 @dataclass(frozen=True, eq=False)

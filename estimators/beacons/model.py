@@ -240,7 +240,8 @@ class BeaconModel:
         """Places and their covariance, NaN for one that was not found, if some are not known.
 
         ``beacons`` (2 n,) [m] are the places of all beacons, two numbers each, ``beacons_covariance`` (2 n, 2 n) [m^2],
-        with what the bend of the circles adds to them, on which a beacon can be (``bend``).
+        with what the bend of the circles adds to them, on which a beacon can be by other readings than bearings
+        (``bend``).
         """
         if not self.mission.unknown:
             return NOTHING
@@ -250,7 +251,7 @@ class BeaconModel:
         columns = np.array([[self.columns[i], self.columns[i] + 1] for i in found], dtype=np.int64).ravel()
         places[at] = x[columns]
         covariance[np.ix_(at, at)] = P[np.ix_(columns, columns)]
-        for i in found:
+        for i in found if self.errors.keys() != {BEARING} else ():
             own = slice(2 * i, 2 * i + 2)
             covariance[own, own] += bend(covariance[own, own], math.dist(places[own], x[:2]))
         missing = np.isnan(places)

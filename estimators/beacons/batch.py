@@ -37,6 +37,8 @@ from mathnavi.models.angles import wrapped
 _MOST = 2000  # stages
 _STEPS, _ENOUGH = 40, 1e-3  # steps at most, and the decrease of the cost that ends them
 _LEAST_DAMPING, _DAMPING, _LARGEST_DAMPING = 1e-9, 1e-3, 1e5
+_BETTER = 1.0  # by which the cost of another minimum is less than one that is doubted
+_COST = 2.0  # of a reading, of some that are as declared, at most
 _AS_GOOD = 9.0  # by which the cost of another minimum may be greater: it is as probable as 1 to e^9
 _RINGS, _AROUND = 5, 72  # poses around which other places are sought, and directions
 _APART = 9.0  # squared Mahalanobis distance from which on a place is another one
@@ -90,6 +92,7 @@ class BatchFit:
         self._firsts = [0]
         self._readings: list[tuple[float, ...]] = []
         self._X: Array | None = None  # (k, 3) poses at the first k stages, as last fitted
+        self._before = math.inf, 0  # cost of that fit, and number of its readings
 
     @property
     def stages(self) -> int:
@@ -111,6 +114,7 @@ class BatchFit:
     def forget(self, i: int) -> None:
         """Forget all that was read of beacon i, at an unknown place; of beacon 0 the range differences are that too."""
         self._readings = [each for each in self._readings if each[2] != i and (i or each[1] != DIFFERENCE)]
+        self._before = math.inf, 0
         x, information = self._prior
         k = int(self._model.columns[i])
         left = np.setdiff1d(np.arange(len(x)), (k, k + 1))
@@ -126,13 +130,22 @@ class BatchFit:
         begin = self._initial(x)
         again = self._X is not None
         found = self._solved(begin, x[3:].copy(), data, (False,)) if again else None
-        if found is None:
-            found = self._solved(begin, x[3:].copy(), data, (True, False))
+        if found is None or self._has_leapt(found, data):
+            other = self._solved(begin, x[3:].copy(), data, (True, False))
+            if found is None or (other is not None and other.cost < found.cost - _BETTER):
+                found = other
         if found is not None:
-            self._X = found.X
+            self._X, self._before = found.X, (found.cost, len(data[2]))
             if self.stages > _MOST:
                 self._marginalise(found, data)
         return found
+
+    def _has_leapt(self, found: BatchMinimum, data: Data) -> bool:
+        """True if a fit is worse by more than its readings since the one before make credible: the steps have led to a
+        minimum at which the readings of a beacon are outliers.
+        """
+        cost, count = self._before
+        return found.cost > cost + _AS_GOOD + _COST * (len(data[2]) - count)
 
     def outliers(self, found: BatchMinimum) -> frozenset[tuple[int, int, float]]:
         """Kind, beacon and value of each reading that is rather an outlier by a fit."""
@@ -157,7 +170,7 @@ class BatchFit:
             i, other = rival
             if other.cost > found.cost - _AS_GOOD:
                 return found, i
-            found, self._X = other, other.X
+            found, self._X, self._before = other, other.X, (other.cost, self._before[1])
         return found, i
 
     def rival(self, found: BatchMinimum) -> tuple[int, BatchMinimum] | None:
@@ -314,7 +327,7 @@ class BatchFit:
         self._pieces = self._pieces[first:]
         self._firsts = [each - first for each in self._firsts[k:]]
         self._readings = [(each[0] - k, *each[1:]) for each in self._readings if each[0] >= k]
-        self._X = found.X[k:]
+        self._X, self._before = found.X[k:], (math.inf, 0)
 
 
 def _spread(off: Array) -> list[int]:

@@ -93,6 +93,7 @@ class BatchFit:
         self._readings: list[tuple[float, ...]] = []
         self._X: Array | None = None  # (k, 3) poses at the first k stages, as last fitted
         self._before = math.inf, 0  # cost of that fit, and number of its readings
+        self._whole = True  # False once the oldest stages are summed up
 
     @property
     def stages(self) -> int:
@@ -139,6 +140,11 @@ class BatchFit:
             if self.stages > _MOST:
                 self._marginalise(found, data)
         return found
+
+    @property
+    def first_pose(self) -> Array | None:
+        """Pose (3,) at the beginning by the last fit; None without one, and once the oldest stages are summed up."""
+        return self._X[0].copy() if self._X is not None and self._whole else None
 
     def _has_leapt(self, found: BatchMinimum, data: Data) -> bool:
         """True if a fit is worse by more than its readings since the one before make credible: the steps have led to a
@@ -327,7 +333,7 @@ class BatchFit:
         self._pieces = self._pieces[first:]
         self._firsts = [each - first for each in self._firsts[k:]]
         self._readings = [(each[0] - k, *each[1:]) for each in self._readings if each[0] >= k]
-        self._X, self._before = found.X[k:], (math.inf, 0)
+        self._X, self._before, self._whole = found.X[k:], (math.inf, 0), False
 
 
 def _spread(off: Array) -> list[int]:

@@ -48,6 +48,8 @@ _BACK = np.array([1.0, -1.0, -1.0, 1.0, 1.0])  # a piece, driven backwards
 
 Data = tuple[Array, Integers, Array]
 """pieces (M, 5), the first (N,) after each stage, and readings (n, 4)"""
+Candidates = tuple[Array, Array, Array]
+"""places (K, 2), their costs (K,), and half the distances (K,) [m] between them"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,28 +281,33 @@ class BatchFit:
                     places.append(place)
         return places
 
-    def _candidates(self, found: BatchMinimum, i: int, b: Array, readings: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Places (K, 2) of beacon i, b (2,) by a fit, on circles or rays about poses spread over the run, their costs
-        (K,) by all readings of its kind, and half the distances (K,) [m] between them.
+    def _candidates(self, found: BatchMinimum, i: int, b: Array, readings: Array) -> Iterable[Candidates]:
+        """Places of beacon i, b (2,) by a fit, about poses spread over the run, with their costs by one kind of its
+        readings.
         """
         of = [readings[(readings[:, 1] == kind) & (readings[:, 2] == i)] for kind in (RANGE, DIFFERENCE, BEARING)]
         if i == 0:  # whose differences are those of the others
             of[1] = readings[readings[:, 1] == DIFFERENCE]
-        read = next((each for each in of if len(each)), of[0])
-        if not len(read):
-            return
-        X, kind = found.X[read[:, 0].astype(int)], int(read[0, 1])
-        absolute, relative, *_ = self._errors[kind]
-        if kind == BEARING:
-            offsets = b - X[:, :2]
-            off = np.abs(wrapped(read[:, 3] - np.arctan2(offsets[:, 1], offsets[:, 0]) + X[:, 2]))
-            sigma = np.hypot(absolute, relative * np.hypot(offsets[:, 0], offsets[:, 1]))
-            rho = self._model.mission.longest * np.geomspace(LEAST, 1.0, _AROUND)
-            for n in _spread(off):
-                direction = X[n, 2] + read[n, 3]
-                ray = X[n, :2] + rho[:, None] * np.array([math.cos(direction), math.sin(direction)])
-                yield ray, ray_costs(ray, X, read[:, 3], sigma), 0.5 * np.gradient(rho)
-            return
+        for kind, read in zip((RANGE, DIFFERENCE, BEARING), of, strict=True):
+            if len(read):
+                X = found.X[read[:, 0].astype(int)]
+                return self._on_rays(b, read, X) if kind == BEARING else self._on_circles(found, i, b, read, X)
+        return ()
+
+    def _on_rays(self, b: Array, read: Array, X: Array) -> Iterator[Candidates]:
+        """Places in the directions of bearings (n, 4) that were read at poses X (n, 3)."""
+        absolute, relative, *_ = self._errors[BEARING]
+        offsets = b - X[:, :2]
+        sigma = np.hypot(absolute, relative * np.hypot(offsets[:, 0], offsets[:, 1]))
+        rho = self._model.mission.longest * np.geomspace(LEAST, 1.0, _AROUND)
+        for n in _spread(np.abs(wrapped(read[:, 3] - np.arctan2(offsets[:, 1], offsets[:, 0]) + X[:, 2]))):
+            direction = X[n, 2] + read[n, 3]
+            ray = X[n, :2] + rho[:, None] * np.array([math.cos(direction), math.sin(direction)])
+            yield ray, ray_costs(ray, X, read[:, 3], sigma), 0.5 * np.gradient(rho)
+
+    def _on_circles(self, found: BatchMinimum, i: int, b: Array, read: Array, X: Array) -> Iterator[Candidates]:
+        """Places at the distances by ranges or range differences (n, 4) that were read at poses X (n, 3)."""
+        absolute, relative, *_ = self._errors[int(read[0, 1])]
         rho = self._distances(found, i, read, X)
         sigma = np.hypot(absolute, relative * (np.abs(read[:, 3]) / (1.0 + found.theta[2])))
         angles = 2.0 * np.pi * np.arange(_AROUND) / _AROUND

@@ -203,8 +203,8 @@ def ring_costs(ring: Array, poses: Array, rho: Array, sigma: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def ray_costs(ray: Array, poses: Array, bearings: Array, sigma: Array) -> Array:
-    """Robust costs (K,) of places (K, 2) of a beacon by its bearings (n,) [rad] from poses (n, 3), of standard deviations
-    sigma (n,).
+    """Robust costs (K,) of places (K, 2) of a beacon by its bearings (n,) [rad] from poses (n, 3), of standard
+    deviations sigma (n,).
     """
     costs = np.zeros(len(ray))
     for k in range(len(ray)):

@@ -365,9 +365,9 @@ class BeaconFilter:
         model, mission = self.model, self.model.mission
         lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
         if mission.start is None and len(mission.beacons) - len(mission.unknown) == 1:
-            return "one beacon at a known place does not say which way is ahead: it needs a second one, or a known start"
+            return "one beacon at a known place does not say which way is ahead: a second one does, or a known start"
         if DIFFERENCE in model.errors and not model.placed[0] and not self._read[0] and self._read.any():
-            return "waits for beacon 0, to which range differences are: its range, its bearing, or that of a known beacon"
+            return "waits for beacon 0, to which range differences are: its range or bearing, or a known beacon"
         if len(lacking):
             return f"waits until one place is left for each beacon that was not given: {', '.join(map(str, lacking))}"
         return "waits until one pose is left"

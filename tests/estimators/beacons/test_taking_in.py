@@ -50,7 +50,7 @@ def test_each_place_explains_the_reading_and_its_derivative_is_that_of_differenc
 
 @pytest.mark.parametrize(("kind", "i", "y"), READINGS)
 def test_wherever_a_beacon_is_on_the_circle_or_the_ray_a_gaussian_is_about_it(kind: int, i: int, y: float) -> None:
-    made, found = model(kind, i)
+    made, _ = model(kind, i)
     first = first_places(STATE[None], kind, i, y, made)
     spread = first.noise + first.spread
     offsets = first.places - STATE[:2]

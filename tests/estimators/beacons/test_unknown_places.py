@@ -163,8 +163,8 @@ def test_what_does_not_find_a_place_is_refused_or_waited_for() -> None:
     with pytest.raises(mn.MissionError, match="range differences alone: beacon 0"):
         dataclasses.replace(mission("range_differences"), beacons=(None, None), start=start_of(driven))
     by_differences = drive("range_differences", count=40)
+    asked = dataclasses.replace(mission("range_differences"), beacons=(None, *PLACES[1:]))
     with pytest.raises(ValueError, match="or two at known places, beacon 0 among them"):
-        asked = dataclasses.replace(mission("range_differences"), beacons=(None, *PLACES[1:]))
         mn.estimate("beacon_bank", asked, by_differences.log)
     nothing = {"beacon_ranges": np.full((len(by_differences.log.t), 4), np.nan)}
     log = mn.SensorLog(by_differences.log.t, {**by_differences.log.readings, **nothing})

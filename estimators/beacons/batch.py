@@ -325,7 +325,8 @@ class BatchFit:
         places, unknown = self._model.places.copy(), np.flatnonzero(self._model.columns >= 0)
         places[unknown] = found.theta[3:].reshape(-1, 2)
         to_others = np.hypot(*(places[others] - X[:, :2]).T)
-        return np.maximum(to_others - rho if i == 0 else to_others + rho, self._errors[DIFFERENCE, 0])
+        far: Array = np.maximum(to_others - rho if i == 0 else to_others + rho, self._errors[DIFFERENCE, 0])
+        return far
 
     def _marginalise(self, found: BatchMinimum, data: Data) -> None:
         """Replace the oldest half of the stages by the Gaussian of the state at the first one that stays."""

@@ -15,6 +15,6 @@ KERNELS: tuple[Signature, ...] = (
     (predict, (*_FILTERS, *(_NUMBER,) * 5)),
     (condition, (*_FILTERS, ONE, _NUMBER, _WHOLE, _WHOLE, TWO, WHOLES, ONE, TWO)),
     (separations, (ONE, TWO, TWO, THREE, _NUMBER, _NUMBER, ONE, TWO)),
-    (merged, (*_FILTERS, ONE, _NUMBER, _NUMBER)),
+    (merged, (*_FILTERS, ONE, *(_NUMBER,) * 3)),
     *innovations_ahead.KERNELS,
 )

@@ -4,12 +4,12 @@ From an unknown start there is a filter at each place where the first reading ca
 Their weights follow the likelihoods of what is read; those that explain it worst are dropped, and those that meet are
 merged, until the weight is at one pose. What two beacons cannot tell apart stays two poses until the robot turns.
 
-A beacon at an unknown place b is taken into the state with its first range y, at each of K directions e on the circle
-on which it must be: b = (x_1, x_2) + rho e, rho = y / (1 + c), with the covariance that follows from that of the state
-and of y, and along the circle that of a Gaussian which overlaps with its neighbours. So each filter becomes K, of which
-the readings leave one, or two: the image of the beacon in a straight path is as likely until the robot turns. The next
-beacon is taken in when few are left. [J. L. Blanco, J. A. Fernandez-Madrigal, J. Gonzalez, Efficient probabilistic
-range-only SLAM, IROS 2008]
+A beacon at an unknown place is taken into the state with the first reading that finds it, on the circle or on the ray
+on which it must be (``taking_in``), by Gaussians that overlap with their neighbours. So each filter becomes K, of which
+the readings leave one, or two: by ranges the image of the beacon in a straight path is as likely until the robot turns.
+The next beacon is taken in when few are left. [J. L. Blanco, J. A. Fernandez-Madrigal, J. Gonzalez, Efficient
+probabilistic range-only SLAM, IROS 2008; N. M. Kwok, G. Dissanayake, An efficient multiple hypothesis filter for
+bearing-only SLAM, IROS 2004]
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.estimators.beacons.kernels import BEARING, RANGE, STATES, condition, merged, predict
+from mathnavi.estimators.beacons.kernels import BEARING, DIFFERENCE, RANGE, STATES, condition, merged, predict
 from mathnavi.estimators.beacons.model import BeaconModel
+from mathnavi.estimators.beacons.taking_in import AROUND, SPREAD, first_places
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
 
 _HEADINGS = 24  # from an unknown start
-_AROUND, _GRID = 48, 14  # places on a circle, or along each side of the box
+_GRID = 14  # places along each side of the box
 _LEAST_WEIGHT = 1e-5  # of the heaviest, below which a filter is dropped
 _MOST = 4000  # filters
 _NEAR = 1.0  # squared Mahalanobis distance at which two are merged
 _ONE = 4.0  # likewise with unknown places: up to it two Gaussians together have one maximum
-_SPREAD = 0.6  # of the distance between two places: standard deviation
 _FEW = 16  # filters, up to which a beacon at an unknown place is taken in
 _UNLIKELY = 1e-3  # weight up to which a filter may have a beacon elsewhere than the others
 
@@ -44,7 +44,9 @@ class BeaconBank:
         self._errors = {kind: np.append(errors, gate) for kind, errors in model.errors.items()}
         d = model.size
         self._near = _ONE if model.mission.unknown else _NEAR
-        self._noise = float(model.errors[RANGE][0]) if RANGE in model.errors else math.inf
+        deviation = {kind: float(errors[0]) for kind, errors in model.errors.items()}
+        self._length = min(deviation.get(RANGE, math.inf), deviation.get(DIFFERENCE, math.inf))
+        self._angle = deviation.get(BEARING, math.inf)
         self.x, self.P, self.weights = np.empty((0, d)), np.empty((0, d, d)), np.empty(0)
         self.seeds: Integers = np.empty(0, dtype=np.int64)
         self.starts: tuple[Array, Array] = self.x, self.P
@@ -78,9 +80,9 @@ class BeaconBank:
             places[at] = state[STATES:].reshape(-1, 2)
         if ranges:
             _, i, rho = min(ranges, key=lambda each: each[2])
-            angles = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+            angles = 2.0 * np.pi * np.arange(AROUND) / AROUND
             points = places[i] + rho * np.column_stack([np.cos(angles), np.sin(angles)])
-            apart = np.full(_AROUND, max(2.0 * math.pi * rho / _AROUND, 1e-2))
+            apart = np.full(AROUND, max(2.0 * math.pi * rho / AROUND, 1e-2))
         else:
             low, high = self._model.mission.box
             sides = [np.linspace(a, b, _GRID) for a, b in zip(low, high, strict=True)]
@@ -100,42 +102,32 @@ class BeaconBank:
         state[3:STATES] = 0.0
         x = np.tile(state, (len(points) * count, 1))
         x[:, :2], x[:, 2] = np.repeat(points, count, axis=0), facing.ravel()
-        deviations = np.column_stack([_SPREAD * apart, _SPREAD * apart, _SPREAD * turn])
+        deviations = np.column_stack([SPREAD * apart, SPREAD * apart, SPREAD * turn])
         P = np.array([self._model.covariance(each) for each in deviations])
         if found is not None:
             P[:, STATES:, STATES:] = found
         self._set(x, np.repeat(P, count, axis=0))
         return True
 
-    def take_in(self, i: int, y: float) -> bool:
-        """Take beacon i, at an unknown place, into the state by a range y [m]; False for too many filters."""
-        if len(self.weights) > _FEW:
+    def take_in(self, kind: int, i: int, y: float) -> bool:
+        """Take into the state the beacon that a reading y of beacon i finds; False if it finds none, and for too many
+        filters.
+        """
+        found = self._model.finds(kind, i)
+        if found is None or len(self.weights) > _FEW:
             return False
-        k, count = int(self._model.columns[i]), len(self.weights) * _AROUND
-        x, P = np.repeat(self.x, _AROUND, axis=0), np.repeat(self.P, _AROUND, axis=0)
-        angles = np.tile(2.0 * np.pi * np.arange(_AROUND) / _AROUND, len(self.weights))
-        e = np.column_stack([np.cos(angles), np.sin(angles)])
-        along = np.column_stack([-e[:, 1], e[:, 0]])
-        scale = 1.0 + x[:, 5]
-        rho = y / scale
-        absolute, relative, *_ = self._errors[RANGE]
-        across = np.hypot(absolute, relative * rho) / scale
-        spread = _SPREAD * np.maximum(2.0 * math.pi * rho / _AROUND, 1e-2)
-        x[:, k : k + 2] = x[:, :2] + rho[:, None] * e
-        G = np.zeros((count, 2, self._model.size))
-        G[:, :, :2] = np.eye(2)
-        G[:, :, 5] = -(rho / scale)[:, None] * e
+        first, k = first_places(self.x, kind, i, y, self._model), int(self._model.columns[found])
+        x, P = np.repeat(self.x, first.count, axis=0), np.repeat(self.P, first.count, axis=0)
+        x[:, k : k + 2] = first.places
         P[:, k : k + 2, :] = P[:, :, k : k + 2] = 0.0
-        cross = G @ P
+        cross = first.G @ P
         P[:, k : k + 2, :] = cross
         P[:, :, k : k + 2] = cross.transpose(0, 2, 1)
-        noise = across[:, None, None] ** 2 * e[:, :, None] * e[:, None, :]
-        P[:, k : k + 2, k : k + 2] = (
-            cross @ G.transpose(0, 2, 1) + noise + (spread[:, None, None] ** 2 * along[:, :, None] * along[:, None, :])
-        )
+        P[:, k : k + 2, k : k + 2] = cross @ first.G.transpose(0, 2, 1) + first.noise + first.spread
         self.x, self.P = x, P
-        self.weights, self.seeds = np.repeat(self.weights / _AROUND, _AROUND), np.repeat(self.seeds, _AROUND)
-        self._model.placed[i] = True
+        self.weights = np.repeat(self.weights / first.count, first.count)
+        self.seeds = np.repeat(self.seeds, first.count)
+        self._model.placed[found] = True
         return True
 
     def settle(self, x: Array, P: Array) -> None:
@@ -181,8 +173,7 @@ class BeaconBank:
         for row in np.flatnonzero(np.isfinite(y)).tolist():
             kind, i = self._model.entries[row]
             if not self._model.says(kind, i):
-                if kind == RANGE:
-                    self.take_in(i, float(y[row]))
+                self.take_in(kind, i, float(y[row]))
                 continue
             logs, found = np.log(np.maximum(self.weights, 1e-300)), np.empty((len(self.x), 3))
             condition(
@@ -215,7 +206,7 @@ class BeaconBank:
             kept = kept[np.argsort(-weights[kept], kind="stable")[:_MOST]]
         x, P, weights, seeds = self.x[kept], self.P[kept], weights[kept], self.seeds[kept]
         if len(weights) <= _MOST // 4:
-            x, P, weights, places = merged(x, P, weights, self._near, self._noise)
+            x, P, weights, places = merged(x, P, weights, self._near, self._length, self._angle)
             seeds = seeds[places]
         self.x, self.P, self.weights, self.seeds = x, P, weights / weights.sum(), seeds
 

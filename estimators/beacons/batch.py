@@ -12,7 +12,8 @@ go on from there.
 
 A range leaves a beacon on a circle, and ranges from a straight path leave two images of it. So a fit is believed only
 if no other place of a beacon explains its readings nearly as well: around poses spread over the run, the places at the
-distance that was read are searched all around for minima, and the fit begins again at each that is not the one found.
+distance that was read, or in the direction, are searched all around for minima, and the fit begins again at each that
+is not the one found.
 
 The oldest half of too many stages is replaced by the Gaussian that follows from it (marginalisation).
 """
@@ -20,14 +21,15 @@ The oldest half of too many stages is replaced by the Gaussian that follows from
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs, step, weighed
-from mathnavi.estimators.beacons.kernels import BEARING, RANGE, expected
+from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ray_costs, ring_costs, step, weighed
+from mathnavi.estimators.beacons.kernels import BEARING, DIFFERENCE, RANGE, expected
 from mathnavi.estimators.beacons.model import BeaconModel
+from mathnavi.estimators.beacons.taking_in import LEAST
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
@@ -35,6 +37,8 @@ from mathnavi.models.angles import wrapped
 _MOST = 2000  # stages
 _STEPS, _ENOUGH = 40, 1e-3  # steps at most, and the decrease of the cost that ends them
 _LEAST_DAMPING, _DAMPING, _LARGEST_DAMPING = 1e-9, 1e-3, 1e5
+_BETTER = 1.0  # by which the cost of another minimum is less than one that is doubted
+_COST = 2.0  # of a reading, of some that are as declared, at most
 _AS_GOOD = 9.0  # by which the cost of another minimum may be greater: it is as probable as 1 to e^9
 _RINGS, _AROUND = 5, 72  # poses around which other places are sought, and directions
 _APART = 9.0  # squared Mahalanobis distance from which on a place is another one
@@ -44,6 +48,8 @@ _BACK = np.array([1.0, -1.0, -1.0, 1.0, 1.0])  # a piece, driven backwards
 
 Data = tuple[Array, Integers, Array]
 """pieces (M, 5), the first (N,) after each stage, and readings (n, 4)"""
+Candidates = tuple[Array, Array, Array]
+"""places (K, 2), their costs (K,), and half the distances (K,) [m] between them"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +94,8 @@ class BatchFit:
         self._firsts = [0]
         self._readings: list[tuple[float, ...]] = []
         self._X: Array | None = None  # (k, 3) poses at the first k stages, as last fitted
+        self._before = math.inf, 0  # cost of that fit, and number of its readings
+        self._whole = True  # False once the oldest stages are summed up
 
     @property
     def stages(self) -> int:
@@ -107,8 +115,9 @@ class BatchFit:
             self._readings.append((k, *self._model.entries[row], float(y[row])))
 
     def forget(self, i: int) -> None:
-        """Forget all that was read of beacon i, at an unknown place."""
-        self._readings = [each for each in self._readings if each[2] != i]
+        """Forget all that was read of beacon i, at an unknown place; of beacon 0 the range differences are that too."""
+        self._readings = [each for each in self._readings if each[2] != i and (i or each[1] != DIFFERENCE)]
+        self._before = math.inf, 0
         x, information = self._prior
         k = int(self._model.columns[i])
         left = np.setdiff1d(np.arange(len(x)), (k, k + 1))
@@ -124,13 +133,27 @@ class BatchFit:
         begin = self._initial(x)
         again = self._X is not None
         found = self._solved(begin, x[3:].copy(), data, (False,)) if again else None
-        if found is None:
-            found = self._solved(begin, x[3:].copy(), data, (True, False))
+        if found is None or self._has_leapt(found, data):
+            other = self._solved(begin, x[3:].copy(), data, (True, False))
+            if found is None or (other is not None and other.cost < found.cost - _BETTER):
+                found = other
         if found is not None:
-            self._X = found.X
+            self._X, self._before = found.X, (found.cost, len(data[2]))
             if self.stages > _MOST:
                 self._marginalise(found, data)
         return found
+
+    @property
+    def first_pose(self) -> Array | None:
+        """Pose (3,) at the beginning by the last fit; None without one, and once the oldest stages are summed up."""
+        return self._X[0].copy() if self._X is not None and self._whole else None
+
+    def _has_leapt(self, found: BatchMinimum, data: Data) -> bool:
+        """True if a fit is worse by more than its readings since the one before make credible: the steps have led to a
+        minimum at which the readings of a beacon are outliers.
+        """
+        cost, count = self._before
+        return found.cost > cost + _AS_GOOD + _COST * (len(data[2]) - count)
 
     def outliers(self, found: BatchMinimum) -> frozenset[tuple[int, int, float]]:
         """Kind, beacon and value of each reading that is rather an outlier by a fit."""
@@ -155,7 +178,7 @@ class BatchFit:
             i, other = rival
             if other.cost > found.cost - _AS_GOOD:
                 return found, i
-            found, self._X = other, other.X
+            found, self._X, self._before = other, other.X, (other.cost, self._before[1])
         return found, i
 
     def rival(self, found: BatchMinimum) -> tuple[int, BatchMinimum] | None:
@@ -244,33 +267,66 @@ class BatchFit:
         return BatchMinimum(X, theta, cost, information)
 
     def _others(self, found: BatchMinimum, i: int, own: Array, data: Data) -> list[Array]:
-        """Places (2,) of beacon i other than that of a fit, known to ``own`` (2, 2), that explain its ranges best of
-        those nearby.
+        """Places (2,) of beacon i other than that of a fit, known to ``own`` (2, 2), that explain its readings best of
+        those nearby: its ranges, or range differences without any, or bearings without these.
         """
-        readings = data[2]
-        ranges = readings[(readings[:, 1] == RANGE) & (readings[:, 2] == i)]
-        if not len(ranges):
-            return []
-        k, scale = int(self._model.columns[i]), 1.0 + found.theta[2]
-        poses, rho = found.X[ranges[:, 0].astype(int), :2], ranges[:, 3] / scale
-        off = np.abs(rho - np.hypot(*(found.theta[k - 3 : k - 1] - poses).T))
-        order = np.flatnonzero(off <= np.median(off))  # no outliers
-        rings = order[np.unique(np.linspace(0, len(order) - 1, _RINGS).round().astype(int))]
-        angles = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-        e = np.column_stack([np.cos(angles), np.sin(angles)])
-        sigma = np.hypot(self._errors[RANGE, 0], self._errors[RANGE, 1] * rho)
-        places: list[Array] = []
-        for n in rings.tolist():
-            ring = poses[n] + rho[n] * e
-            costs = ring_costs(ring, poses, rho, sigma)
-            lowest = (costs <= np.roll(costs, 1)) & (costs < np.roll(costs, -1))
-            near = math.pi * rho[n] / _AROUND
-            for place in ring[lowest]:
-                difference = place - found.theta[k - 3 : k - 1]
-                apart = float(difference @ np.linalg.solve(own + near**2 * np.eye(2), difference)) > _APART
-                if apart and all(math.dist(place, other) > 4.0 * near for other in places):
+        k = int(self._model.columns[i])
+        b, places = found.theta[k - 3 : k - 1], list[Array]()
+        for points, costs, near in self._candidates(found, i, b, data[2]):
+            lowest = np.flatnonzero((costs <= np.roll(costs, 1)) & (costs < np.roll(costs, -1)))
+            for place, nearest in zip(points[lowest], near[lowest].tolist(), strict=True):
+                difference = place - b
+                apart = float(difference @ np.linalg.solve(own + nearest**2 * np.eye(2), difference)) > _APART
+                if apart and all(math.dist(place, other) > 4.0 * nearest for other in places):
                     places.append(place)
         return places
+
+    def _candidates(self, found: BatchMinimum, i: int, b: Array, readings: Array) -> Iterable[Candidates]:
+        """Places of beacon i, b (2,) by a fit, about poses spread over the run, with their costs by one kind of its
+        readings.
+        """
+        of = [readings[(readings[:, 1] == kind) & (readings[:, 2] == i)] for kind in (RANGE, DIFFERENCE, BEARING)]
+        if i == 0:  # whose differences are those of the others
+            of[1] = readings[readings[:, 1] == DIFFERENCE]
+        for kind, read in zip((RANGE, DIFFERENCE, BEARING), of, strict=True):
+            if len(read):
+                X = found.X[read[:, 0].astype(int)]
+                return self._on_rays(b, read, X) if kind == BEARING else self._on_circles(found, i, b, read, X)
+        return ()
+
+    def _on_rays(self, b: Array, read: Array, X: Array) -> Iterator[Candidates]:
+        """Places in the directions of bearings (n, 4) that were read at poses X (n, 3)."""
+        absolute, relative, *_ = self._errors[BEARING]
+        offsets = b - X[:, :2]
+        sigma = np.hypot(absolute, relative * np.hypot(offsets[:, 0], offsets[:, 1]))
+        rho = self._model.mission.longest * np.geomspace(LEAST, 1.0, _AROUND)
+        for n in _spread(np.abs(wrapped(read[:, 3] - np.arctan2(offsets[:, 1], offsets[:, 0]) + X[:, 2]))):
+            direction = X[n, 2] + read[n, 3]
+            ray = X[n, :2] + rho[:, None] * np.array([math.cos(direction), math.sin(direction)])
+            yield ray, ray_costs(ray, X, read[:, 3], sigma), 0.5 * np.gradient(rho)
+
+    def _on_circles(self, found: BatchMinimum, i: int, b: Array, read: Array, X: Array) -> Iterator[Candidates]:
+        """Places at the distances by ranges or range differences (n, 4) that were read at poses X (n, 3)."""
+        absolute, relative, *_ = self._errors[int(read[0, 1])]
+        rho = self._distances(found, i, read, X)
+        sigma = np.hypot(absolute, relative * (np.abs(read[:, 3]) / (1.0 + found.theta[2])))
+        angles = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+        e = np.column_stack([np.cos(angles), np.sin(angles)])
+        for n in _spread(np.abs(rho - np.hypot(*(b - X[:, :2]).T))):
+            ring = X[n, :2] + rho[n] * e
+            yield ring, ring_costs(ring, X[:, :2], rho, sigma), np.full(_AROUND, math.pi * rho[n] / _AROUND)
+
+    def _distances(self, found: BatchMinimum, i: int, read: Array, X: Array) -> Array:
+        """Distances (n,) [m] of beacon i from poses X (n, 3) by its ranges or range differences (n, 4)."""
+        rho: Array = read[:, 3] / (1.0 + found.theta[2])
+        if int(read[0, 1]) == RANGE:
+            return rho
+        others = read[:, 2].astype(int) if i == 0 else np.zeros(len(read), dtype=int)
+        places, unknown = self._model.places.copy(), np.flatnonzero(self._model.columns >= 0)
+        places[unknown] = found.theta[3:].reshape(-1, 2)
+        to_others = np.hypot(*(places[others] - X[:, :2]).T)
+        far: Array = np.maximum(to_others - rho if i == 0 else to_others + rho, self._errors[DIFFERENCE, 0])
+        return far
 
     def _marginalise(self, found: BatchMinimum, data: Data) -> None:
         """Replace the oldest half of the stages by the Gaussian of the state at the first one that stays."""
@@ -285,4 +341,11 @@ class BatchFit:
         self._pieces = self._pieces[first:]
         self._firsts = [each - first for each in self._firsts[k:]]
         self._readings = [(each[0] - k, *each[1:]) for each in self._readings if each[0] >= k]
-        self._X = found.X[k:]
+        self._X, self._before, self._whole = found.X[k:], (math.inf, 0), False
+
+
+def _spread(off: Array) -> list[int]:
+    """Numbers of some readings spread over a run, none of which is farther off than half of all, by ``off`` (n,)."""
+    order = np.flatnonzero(off <= np.median(off))  # no outliers
+    chosen: list[int] = order[np.unique(np.linspace(0, len(order) - 1, _RINGS).round().astype(int))].tolist()
+    return chosen

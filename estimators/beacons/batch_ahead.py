@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba.core import types
 
 from mathnavi.estimators.beacons import ahead
-from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ring_costs, step
+from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ray_costs, ring_costs, step
 from mathnavi.estimators.integrity import numbers_ahead
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, TWO, combined
@@ -17,6 +17,7 @@ KERNELS: tuple[Signature, ...] = (
     (cost_of, (*_SOLUTION, *_DATA, types.boolean)),
     (moved, (ONE, ONE, TWO)),
     (ring_costs, (TWO, TWO, ONE, ONE)),
+    (ray_costs, (TWO, TWO, ONE, ONE)),
     *ahead.KERNELS,
     *numbers_ahead.KERNELS,
 )

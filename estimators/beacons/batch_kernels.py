@@ -199,3 +199,16 @@ def ring_costs(ring: Array, poses: Array, rho: Array, sigma: Array) -> Array:
             nu = rho[n] - math.hypot(ring[k, 0] - poses[n, 0], ring[k, 1] - poses[n, 1])
             costs[k] += weighed(nu, sigma[n], 0.0, 1.0, True)[1]
     return costs
+
+
+@njit(cache=True, nogil=True)
+def ray_costs(ray: Array, poses: Array, bearings: Array, sigma: Array) -> Array:
+    """Robust costs (K,) of places (K, 2) of a beacon by its bearings (n,) [rad] from poses (n, 3), of standard
+    deviations sigma (n,).
+    """
+    costs = np.zeros(len(ray))
+    for k in range(len(ray)):
+        for n in range(len(bearings)):
+            direction = math.atan2(ray[k, 1] - poses[n, 1], ray[k, 0] - poses[n, 0])
+            costs[k] += weighed(wrapped(bearings[n] - direction + poses[n, 2]), sigma[n], 0.0, 1.0, True)[1]
+    return costs

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from mathnavi.estimators.beacons.bank import BeaconBank
 from mathnavi.estimators.beacons.batch import BatchFit
 from mathnavi.estimators.beacons.guarded import GuardedRobot
-from mathnavi.estimators.beacons.kernels import STATES
+from mathnavi.estimators.beacons.kernels import DIFFERENCE, STATES
 from mathnavi.estimators.beacons.model import ODOMETRY, BeaconModel
 from mathnavi.estimators.beacons.refusals import Refusals
 from mathnavi.estimators.beacons.separation import SolutionSeparation, mistrust
@@ -281,7 +281,7 @@ class BeaconFilter:
         for row in np.flatnonzero(np.isfinite(y)).tolist():
             self._read[self.model.entries[row][1]] += 1
         for (row, *_), out in zip(answers, refused.tolist(), strict=True):
-            i = self.model.entries[row][1]
+            i = self.model.contradicted(*self.model.entries[row])
             own = self._refused_of[i]
             own.append(out)
             if self.model.columns[i] >= 0 and len(own) == _RECENT and sum(own) >= _REFUSED:
@@ -295,6 +295,10 @@ class BeaconFilter:
         """Kind, beacon and value of each reading that is an outlier by the batch fit; none with all places known."""
         found = self._batch.fit(self.bank.x[self.bank.best]) if self._batch is not None else None
         return frozenset() if self._batch is None or found is None else self._batch.outliers(found)
+
+    def first_pose(self) -> Array | None:
+        """Pose (3,) at which the filters began by the batch fit of all readings since; None without one."""
+        return self._batch.first_pose if self._batch is not None else None
 
     def _begin_batch(self, started: tuple[Array, Array] | None) -> None:
         """Begin the batch fit again: at a start (d,) with its covariance, or anywhere, with what the bank has of all
@@ -399,6 +403,18 @@ class BeaconFilter:
                 values[:, missing] = np.nan
         return extra
 
+    def _waits_for(self) -> str:
+        """What the pose is not found without."""
+        model, mission = self.model, self.model.mission
+        lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
+        if mission.start is None and len(mission.beacons) - len(mission.unknown) == 1:
+            return "one beacon at a known place does not say which way is ahead: a second one does, or a known start"
+        if DIFFERENCE in model.errors and not model.placed[0] and not self._read[0] and self._read.any():
+            return "waits for beacon 0, to which range differences are: its range or bearing, or a known beacon"
+        if len(lacking):
+            return f"waits until one place is left for each beacon that was not given: {', '.join(map(str, lacking))}"
+        return "waits until one pose is left"
+
     def _status(self, t: float, P: Array) -> tuple[Status, str]:
         status = self._beacons.status(t, P)
         if status is Status.INITIALISING:
@@ -410,12 +426,7 @@ class BeaconFilter:
                 return Status.LOST, "looks for its pose"
             if self._rival is not None:
                 return Status.INITIALISING, f"another place of beacon {self._rival} explains the readings as well"
-            lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
-            return Status.INITIALISING, (
-                f"waits until one place is left for each beacon that was not given: {', '.join(map(str, lacking))}"
-                if len(lacking)
-                else "waits until one pose is left"
-            )
+            return Status.INITIALISING, self._waits_for()
         odometry = Status.OK if self.model.mission.odometry_is_input else self._odometry.status(t)
         odometry = Status.OK if odometry is Status.INITIALISING else odometry
         if not self._fitted:

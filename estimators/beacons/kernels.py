@@ -183,19 +183,22 @@ def condition(
 
 
 @njit(cache=True, nogil=True)
-def _places_meet(d: Array, x: Array, P: Array, near: float, noise: float) -> bool:
+def _places_meet(d: Array, x: Array, P: Array, near: float, length: float, angle: float) -> bool:
     """True if all places in a difference d (d,) from a state x (d,) are near by its covariance P; see ``merged``."""
     for k in range(STATES, len(d), 2):
         a, b, c = P[k, k], P[k, k + 1], P[k + 1, k + 1]
         square = c * d[k] * d[k] - 2.0 * b * d[k] * d[k + 1] + a * d[k + 1] * d[k + 1]
         rho = math.hypot(x[k] - x[0], x[k + 1] - x[1])
+        noise = min(length, rho * angle)
         if square >= near * (a * c - b * b) or d[k] * d[k] + d[k + 1] * d[k + 1] >= 2.0 * rho * noise:
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def merged(x: Array, P: Array, weights: Array, near: float, noise: float) -> tuple[Array, Array, Array, Integers]:
+def merged(
+    x: Array, P: Array, weights: Array, near: float, length: float, angle: float
+) -> tuple[Array, Array, Array, Integers]:
     """States, covariances and weights after each that is near a heavier one was merged with that.
 
     Near are those within a squared Mahalanobis distance of ``near``, by the covariance of the heavier one, of the pose
@@ -223,7 +226,7 @@ def merged(x: Array, P: Array, weights: Array, near: float, noise: float) -> tup
             for k in range(size):
                 d[k] = x[j, k] - x[i, k]
             d[2] = wrapped(d[2])
-            if d[:3] @ (inverse @ d[:3]) < near and _places_meet(d, x[i], P[i], near, noise):
+            if d[:3] @ (inverse @ d[:3]) < near and _places_meet(d, x[i], P[i], near, length, angle):
                 taken[j] = True
                 total += weights[j]
                 for k in range(size):

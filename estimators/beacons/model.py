@@ -56,11 +56,6 @@ class BeaconModel:
         self.columns[list(mission.unknown)] = STATES + 2 * np.arange(len(mission.unknown))
         self.placed = self.columns < 0
         """whether (n,) a place is known or was found, so that readings of the beacon say something of the pose"""
-        if mission.start is None and not self.placed.any():
-            raise MissionError(
-                "neither the start nor the place of a beacon is known, so that nothing says in what frame the pose is; "
-                "allowed: start=KnownStart((0, 0, 0)), the frame of the robot's start, or a beacon at a known place"
-            )
         self.size = STATES + 2 * len(mission.unknown)
         self._kinds = [kind for kind, quality in enumerate(mission.qualities) if quality is not None]
         self.names = tuple(tuple(SENSORS.values())[kind] for kind in self._kinds)
@@ -68,6 +63,12 @@ class BeaconModel:
         self.rows = self._n * len(self._kinds)
         self.entries = [(kind, i) for kind in self._kinds for i in range(self._n)]
         """kind and beacon of each entry of a reading"""
+        if mission.start is None and not any(self.says(*each) for each in self.entries if each != (DIFFERENCE, 0)):
+            enough = "two at known places, beacon 0 among them" if self.placed.any() else "a beacon at a known place"
+            raise MissionError(
+                "neither the start nor the place of a beacon is known, so that nothing says in what frame the pose is; "
+                f"allowed: start=KnownStart((0, 0, 0)), the frame of the robot's start, or {enough}"
+            )
         lengths = {kind: (2.0 * math.pi if kind == BEARING else mission.longest) for kind in self._kinds}
         self.errors = {}
         """absolute and relative deviation, share of outliers and their length of each kind"""
@@ -189,6 +190,19 @@ class BeaconModel:
         """True if a reading of beacon i says something of the pose: its place is known or found."""
         return bool(self.placed[i] and (kind != DIFFERENCE or self.placed[0]))
 
+    def finds(self, kind: int, i: int) -> int | None:
+        """Number of the beacon whose place follows from a reading of beacon i, as far as it does; None without one.
+
+        A range difference finds either of its two beacons once the other is placed.
+        """
+        if not self.placed[i]:
+            return i if kind != DIFFERENCE or self.placed[0] else None
+        return 0 if kind == DIFFERENCE and not self.placed[0] else None
+
+    def contradicted(self, kind: int, i: int) -> int:
+        """Number of the beacon at an unknown place that a refused reading of beacon i contradicts: i if it can be."""
+        return 0 if kind == DIFFERENCE and self.columns[i] < 0 else i
+
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         after: tuple[Array, Array, Array] = transition(x, u[0], u[1], h, u[2], u[3])
         return after
@@ -226,7 +240,8 @@ class BeaconModel:
         """Places and their covariance, NaN for one that was not found, if some are not known.
 
         ``beacons`` (2 n,) [m] are the places of all beacons, two numbers each, ``beacons_covariance`` (2 n, 2 n) [m^2],
-        with what the bend of the circles adds to them, on which a beacon can be (``bend``).
+        with what the bend of the circles adds to them, on which a beacon can be by other readings than bearings
+        (``bend``).
         """
         if not self.mission.unknown:
             return NOTHING
@@ -236,7 +251,7 @@ class BeaconModel:
         columns = np.array([[self.columns[i], self.columns[i] + 1] for i in found], dtype=np.int64).ravel()
         places[at] = x[columns]
         covariance[np.ix_(at, at)] = P[np.ix_(columns, columns)]
-        for i in found:
+        for i in found if self.errors.keys() != {BEARING} else ():
             own = slice(2 * i, 2 * i + 2)
             covariance[own, own] += bend(covariance[own, own], math.dist(places[own], x[:2]))
         missing = np.isnan(places)

@@ -1,7 +1,8 @@
 """The start of a smoother over a whole run, which the filter finds: where it begins, of all places that it tried.
 
 Of beacons at unknown places it takes where the filter found them at last, b^, and that nothing is known of them at the
-start, so that no reading counts twice. Readings are linearised there, however far off the few first ones put a beacon:
+start, so that no reading counts twice; a start that is not known is then the first pose of the batch fit. Readings are
+linearised there, however far off the few first ones put a beacon:
 
     h(x, b) = h(x, b^) + dh/db (x, b^) (b - b^).
 
@@ -17,7 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.estimators.beacons.bank import BeaconBank
-from mathnavi.estimators.beacons.kernels import STATES
+from mathnavi.estimators.beacons.kernels import RANGE, STATES
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.interfaces.errors import ArgumentError
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
@@ -37,6 +38,10 @@ class Finder(Protocol):
 
     def outliers(self) -> frozenset[tuple[int, int, float]]:
         """Kind, beacon and value of each reading that is an outlier by all readings together."""
+        ...
+
+    def first_pose(self) -> Array | None:
+        """Pose (3,) at which its filters began by all readings together; None where it has none."""
         ...
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
@@ -75,6 +80,9 @@ class StartFindingModel(BeaconModel):
         seed, (x, P) = int(_shares(bank).argmax()), bank.starts
         start, covariance = x[seed].copy(), P[seed].copy()
         start[STATES:] = self._found = bank.x[bank.best, STATES:].copy()
+        first = finder.first_pose()
+        if self.mission.start is None and first is not None and self.errors.keys() != {RANGE}:
+            start[:3] = first  # a grid is too coarse to linearise at; ranges alone begin on a circle
         nothing = self.covariance(np.zeros(3))
         covariance[STATES:], covariance[:, STATES:] = nothing[STATES:], nothing[:, STATES:]
         self.placed = finder.model.placed.copy()

@@ -57,7 +57,8 @@ class BeaconMission(UnicycleMotion):
     """A robot that reads beacons at ``beacons`` (n, 2) [m], of which those that are None are at places to be found.
 
     Raises MissionError if it reads nothing, if two beacons are at the same place, for range differences to fewer than
-    two beacons, and for beacons at unknown places without ranges, by which they are found.
+    two beacons, and where all are at unknown places, for range differences alone: they find a beacon once the other is
+    found.
     """
 
     beacons: Places  # (n, 2) [m]; None: not known
@@ -85,8 +86,11 @@ class BeaconMission(UnicycleMotion):
             raise MissionError(f"beacons = {self.beacons!r} holds one place twice; allowed: different places")
         if self.range_differences is not None and len(self.beacons) < 2:
             raise MissionError("range differences to one beacon; allowed: two beacons or more")
-        if self.unknown and self.ranges is None:
-            raise MissionError("beacons at unknown places without ranges; allowed: with ranges, which find them")
+        if self.ranges is None and self.bearings is None and len(self.unknown) == len(self.beacons):
+            raise MissionError(
+                f"beacons = {self.beacons!r} with range differences alone: beacon 0, to which they are, is not found; "
+                "allowed: a place that is known, or ranges or bearings too"
+            )
 
     @property
     def unknown(self) -> tuple[int, ...]:

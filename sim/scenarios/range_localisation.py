@@ -106,7 +106,7 @@ class RangeLocalisation:
 
 def _check_unknown(config: RangeLocalisationConfig, sensors: Sequence[Sensor], estimator: PluginSpec) -> None:
     """MissionError for beacons at unknown places that an estimator does not read."""
-    if config.beacons.unknown and SENSORS["ranges"] not in {each.name for each in sensors}:
+    if config.beacons.unknown and {each.name for each in sensors}.isdisjoint(SENSORS.values()):
         raise MissionError(
             f"beacons.unknown = {config.beacons.unknown!r}: the estimator {called('estimators', estimator.name)} does "
             "not read beacons; allowed: one that does, such as beacon_bank"

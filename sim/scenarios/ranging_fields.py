@@ -169,10 +169,10 @@ class BeaconFields:
     def __post_init__(self) -> None:
         check_beacons(self)
         check_unknown(self)
-        if self.unknown and "ranges" not in self.read:
+        if self.unknown and len(self.unknown) == len(self.places) and set(self.read) == {"range-differences"}:
             raise FieldError(
-                f"beacons.unknown = {self.unknown!r} with beacons.read = {self.read!r}; "
-                "allowed: with ranges, by which places are found"
+                f"beacons.unknown = {self.unknown!r}, all, with beacons.read = {self.read!r}: beacon 0, to which they "
+                "are, is not found; allowed: all but one, or ranges or bearings too"
             )
 
     def mission(self) -> BeaconMission | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,24 +71,41 @@ def drive(kind: str = "ranges", count: int = 600, *, scale: float = 0.07, outlie
     return Drive(mn.SensorLog(np.array(times), readings), np.array(truths))
 
 
-def wandering(seed: int, count: int = 500) -> tuple[mn.BeaconMission, Drive, Array]:
-    """A mission with four beacons at unknown places, a drive from a known start through it, and the places (4, 2)."""
+def wandering(
+    seed: int,
+    count: int = 500,
+    *,
+    read: Sequence[str] = ("ranges",) * 4,
+    known: Sequence[int] = (),
+    started: bool = True,
+) -> tuple[mn.BeaconMission, Drive, Array]:
+    """A mission with four beacons at unknown places but those ``known``, a drive through it, and the places (4, 2).
+
+    Of each beacon the kinds ``read`` are read, several "a+b". The start is known if ``started``.
+    """
     rng = np.random.default_rng(seed)
     places, pose, times, truths = rng.uniform(-35.0, 35.0, (4, 2)), np.zeros(3), [], []
-    ranges, odometry = np.full((count, 4), np.nan), np.empty((count, 2))
+    of_beacon = [each.split("+") for each in read]
+    names = [name for name in SENSORS if any(name in each for each in of_beacon)]
+    rows, odometry = {name: np.full((count, 4), np.nan) for name in names}, np.empty((count, 2))
+    deviation = {"ranges": 0.3, "bearings": 0.03, "range_differences": 0.3}
     fastest, phase = rng.uniform(0.1, 0.35), rng.uniform(0.0, 6.0)
     for k in range(count):
         u = np.array([1.2 + 0.3 * np.sin(0.03 * k), fastest * np.sin(0.02 * k + phase)])
         pose = integrate(pose, u[0], u[1], PERIOD)
         if k % 2:
             i = k // 2 % 4
-            ranges[k, i] = 1.05 * exact_readings(places, 0, pose)[i] + 0.3 * rng.standard_normal()
-            if rng.random() < 0.03:
-                ranges[k, i] = rng.uniform(0.0, 60.0)
+            for name in of_beacon[i]:
+                exact = exact_readings(places, list(SENSORS).index(name), pose)[i]
+                scale = 1.0 if name == "bearings" else 1.05
+                rows[name][k, i] = scale * exact + deviation[name] * rng.standard_normal()
+                if rng.random() < 0.03 and np.isfinite(exact):
+                    rows[name][k, i] = rng.uniform(-3.0, 3.0) if name == "bearings" else rng.uniform(0.0, 60.0)
         odometry[k] = 1.01 * u + np.array([0.05, 0.02]) * rng.standard_normal(2)
         times.append(times[-1] + PERIOD if times else PERIOD)
         truths.append(pose)
-    start = mn.KnownStart((0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3), 0.0)
-    asked = dataclasses.replace(mission(surroundings=40.0), beacons=(None,) * 4, start=start)
-    log = mn.SensorLog(np.array(times), {"beacon_ranges": ranges, "odometry": odometry})
+    start = mn.KnownStart((0.0, 0.0, 0.0), (1e-3, 1e-3, 1e-3), 0.0) if started else None
+    given = tuple((x, y) if i in known else None for i, (x, y) in enumerate(places.tolist()))
+    asked = dataclasses.replace(mission("+".join(names), surroundings=40.0), beacons=given, start=start)
+    log = mn.SensorLog(np.array(times), {**{SENSORS[name]: each for name, each in rows.items()}, "odometry": odometry})
     return asked, Drive(log, np.array(truths)), places

@@ -86,7 +86,7 @@ def test_merging_keeps_mean_and_covariance_also_across_the_cut_of_headings() -> 
     x = np.zeros((3, STATES))
     x[:, 0], x[:, 2] = (0.0, 0.1, 50.0), (math.pi - 0.05, -math.pi + 0.05, 0.0)
     P, weights = np.tile(np.diag([0.04, 0.04, 0.04, 1e-4, 1e-4, 1e-4]), (3, 1, 1)), np.array([0.5, 0.25, 0.25])
-    states, covariances, kept, places = merged(x, P, weights, 1.0, 0.3)
+    states, covariances, kept, places = merged(x, P, weights, 1.0, 0.3, 1.0)
     assert kept.tolist() == [0.75, 0.25]
     assert places.tolist() == [0, 2]
     assert states[0, 0] == pytest.approx(0.1 / 3.0)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 import mathnavi as mn
 from mathnavi.models.unicycle.beacons import exact_readings
+from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
 from tests.estimators.beacons.drives import PLACES, Drive, drive, mission, wandering
 
 
@@ -57,6 +60,81 @@ def test_with_some_known_the_start_is_found_too() -> None:
     assert not found.extra["beacons_covariance"][-1][:4, :4].any()
 
 
+RANGES, BEARINGS, DIFFERENCES = "ranges", "bearings", "range_differences"
+ALL = "ranges+bearings+range_differences"
+
+
+@pytest.mark.parametrize(
+    ("read", "known", "started"),
+    [
+        ((BEARINGS,) * 4, (), True),
+        ((BEARINGS,) * 4, (0, 1), False),
+        ((DIFFERENCES,) * 4, (0,), True),
+        ((DIFFERENCES,) * 4, (1, 2), True),  # beacon 0 itself is found by them
+        ((DIFFERENCES,) * 4, (0, 1, 2), False),
+        ((RANGES, DIFFERENCES, DIFFERENCES, DIFFERENCES), (), True),
+        ((RANGES, BEARINGS, DIFFERENCES, ALL), (), True),
+    ],
+)
+def test_places_are_found_by_what_is_read_of_each_beacon_as_well_as_is_said(
+    read: tuple[str, ...], known: tuple[int, ...], started: bool
+) -> None:
+    asked, driven, places = wandering(3, read=read, known=known, started=started)
+    if started:  # the smoother begins with the first reading
+        x, y, heading = driven.truth[0].tolist()
+        asked = dataclasses.replace(asked, start=mn.KnownStart((x, y, heading), (0.01,) * 3, float(driven.log.t[0])))
+    for method in ("beacon_bank", mn.smoother("beacon_bank")):
+        found = mn.estimate(method, asked, driven.log)
+        difference = found.x - driven.truth
+        difference[:, 2] = wrapped(difference[:, 2])
+        assert found.ok[-100:].all()
+        assert not sure_and_wrong(found.t, found.ok, difference, found.covariance).any()
+        at = np.flatnonzero(found.ok)
+        off, P = found.extra["beacons"][at] - places.ravel(), found.extra["beacons_covariance"][at]
+        for i in asked.unknown:
+            own = slice(2 * i, 2 * i + 2)
+            squares = np.einsum("ki,ki->k", off[:, own], np.linalg.solve(P[:, own, own], off[:, own, None])[..., 0])
+            assert squares.max() < 13.8, "the region of 99.9 %"
+        assert np.abs(off[-1]).max() < 2.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "fields"),
+    [
+        (8, {"read": (RANGES, DIFFERENCES, DIFFERENCES, DIFFERENCES)}),  # images by range differences
+        (10, {"read": (DIFFERENCES,) * 4, "known": (0, 1, 2), "started": False}),  # a fit that leaps
+    ],
+)
+def test_no_other_place_is_said_to_be_that_of_a_beacon(seed: int, fields: dict[str, Any]) -> None:
+    asked, driven, places = wandering(seed, **fields)
+    found = mn.estimate("beacon_bank", asked, driven.log)
+    assert np.isfinite(found.extra["beacons"][-1]).all()
+    assert np.nanmax(np.abs(found.extra["beacons"] - places.ravel())) < 10.0
+
+
+def straight(place: tuple[float, float], kind: int) -> mn.EstimateHistory:
+    """Estimates of a straight drive along x_1, on which a beacon at a place is read."""
+    names = ("ranges", "bearings")
+    asked = mn.BeaconMission(
+        (None,), **{names[kind]: mn.BeaconQuality(0.02)}, odometry=mn.OdometryQuality((0.02, 0.005)), period=0.2,
+        interval=0.2, start=mn.KnownStart((0.0, 0.0, 0.0), (0.01, 0.01, 0.001)),
+    )  # fmt: skip
+    t = 0.2 * np.arange(1, 76)
+    poses = np.column_stack([t, 0.0 * t, 0.0 * t])
+    read = np.array([exact_readings(np.array([place]), kind, pose) for pose in poses])
+    sensor = ("beacon_ranges", "beacon_bearings")[kind]
+    return mn.estimate("beacon_bank", asked, mn.SensorLog(t, {sensor: read, "odometry": np.tile([1.0, 0.0], (75, 1))}))
+
+
+def test_of_a_straight_path_bearings_tell_the_side_but_not_how_far_ahead_a_beacon_is() -> None:
+    abeam, ahead = (8.0, 5.0), (60.0, 0.0)
+    assert not straight(abeam, 0).usable.any()
+    found = straight(abeam, 1)
+    assert found.ok[-1]
+    assert found.extra["beacons"][-1] == pytest.approx(abeam, abs=0.5)
+    assert not straight(ahead, 1).usable.any()
+
+
 def test_the_image_of_a_beacon_in_a_straight_path_is_as_likely_so_that_nothing_is_said() -> None:
     asked = mn.BeaconMission(
         (None,), ranges=mn.BeaconQuality(0.1), odometry=mn.OdometryQuality((0.02, 0.005)), period=0.2, interval=0.2,
@@ -78,10 +156,24 @@ def test_the_image_of_a_beacon_in_a_straight_path_is_as_likely_so_that_nothing_i
             assert found.message[-1].endswith("for each beacon that was not given: 0")
 
 
-def test_a_mission_without_a_frame_or_without_ranges_is_refused() -> None:
+def test_what_does_not_find_a_place_is_refused_or_waited_for() -> None:
     driven = drive(count=10)
     with pytest.raises(ValueError, match="in what frame the pose is"):
         mn.estimate("beacon_bank", unknown(None, 0, 1, 2, 3), driven.log)
-    with pytest.raises(mn.MissionError, match="without ranges"):
-        dataclasses.replace(mission("bearings"), beacons=(None, (1.0, 2.0)))
+    with pytest.raises(mn.MissionError, match="range differences alone: beacon 0"):
+        dataclasses.replace(mission("range_differences"), beacons=(None, None), start=start_of(driven))
+    by_differences = drive("range_differences", count=40)
+    asked = dataclasses.replace(mission("range_differences"), beacons=(None, *PLACES[1:]))
+    with pytest.raises(ValueError, match="or two at known places, beacon 0 among them"):
+        mn.estimate("beacon_bank", asked, by_differences.log)
+    nothing = {"beacon_ranges": np.full((len(by_differences.log.t), 4), np.nan)}
+    log = mn.SensorLog(by_differences.log.t, {**by_differences.log.readings, **nothing})
+    asked = dataclasses.replace(
+        mission("ranges+range_differences", surroundings=40.0), beacons=(None,) * 4, start=start_of(by_differences)
+    )
+    assert mn.estimate("beacon_bank", asked, log).message[-1].startswith("waits for beacon 0, to which")
+    asked = dataclasses.replace(mission("bearings", surroundings=40.0), beacons=(PLACES[0], None, None, None))
+    found = mn.estimate("beacon_bank", asked, drive("bearings", count=40).log)
+    assert found.message[-1].startswith("one beacon at a known place does not say")
+    assert not found.usable.any()
     assert math.isnan(unknown(None, 0).places[0, 0])

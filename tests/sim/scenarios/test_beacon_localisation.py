@@ -83,6 +83,13 @@ def test_beacons_that_the_estimator_is_not_given_are_read_where_they_are_and_fou
     assert "beacons_found" not in flown(duration=0.5).summary
 
 
+@pytest.mark.parametrize("kind", ["bearings", "range-differences"])
+def test_places_are_found_without_ranges_too(kind: str) -> None:
+    run = flown(3, **UNKNOWN, duration=12.0, **{"beacons.read": (kind,)})
+    assert run.summary["beacons_found"] == 2
+    assert run.summary["beacon_error_max_m"] < 3.0 * run.summary["beacon_deviation_max_m"] < 2.0
+
+
 def test_a_recorded_run_with_unknown_beacons_gives_the_same_estimates_and_is_drawn(
     mapped: mn.RunResult, tmp_path: Path
 ) -> None:
@@ -110,7 +117,7 @@ def test_a_recorded_run_with_unknown_beacons_gives_the_same_estimates_and_is_dra
         ({"beacons.unknown": (3,)}, "beacons.unknown = .* with 3 places"),
         ({"beacons.unknown": (1, 1)}, "different numbers"),
         ({"beacons.unknown": (-1,)}, "beacons.unknown"),
-        ({"beacons.unknown": (1,), "beacons.read": ("bearings",)}, "allowed: with ranges"),
+        ({"beacons.unknown": (0, 1, 2), "beacons.read": ("range-differences",)}, "beacon 0, to which they are"),
         ({"beacons.unknown": (0, 1, 2)}, "neither the start nor the place of a beacon is known"),
         ({"beacons.places": ((0.0, 0.0), (0.0, 0.0))}, "one place twice"),
         ({"beacons.places": ((0.0, 0.0),), "beacons.read": ("range-differences",)}, "of one beacon"),

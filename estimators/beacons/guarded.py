@@ -40,7 +40,8 @@ class GuardedRobot(Guarded):
         """``anywhere`` makes one that begins anywhere."""
         mission = made.model.mission
         most_out = min(2, max(len(mission.beacons) - 2, 1))
-        witness, self._doubted = RobotBeaconWitness(made.model), -math.inf  # [s]
+        witness = RobotBeaconWitness(made.model)
+        self._separate = -math.inf  # [s] last time when a separation was in doubt
         super().__init__(made, witness, most_out=most_out, cost=_COST, rival=anywhere, pace=pace_of(mission))
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
@@ -48,8 +49,8 @@ class GuardedRobot(Guarded):
         now: DoubtingFilter = self.estimator  # type: ignore[assignment]
         status, message = now.doubt(t)
         if estimate.extra["separation"].max() > _SEPARATE:
-            self._doubted = t
-        if status is Status.OK and t - self._doubted < _DOUBTED:
+            self._separate = t
+        if status is Status.OK and t - self._separate < _DOUBTED:
             status, message = Status.DEGRADED, "differs from what it is without one of its beacons, or of odometry"
         if worst(status, estimate.status) is estimate.status:
             return estimate

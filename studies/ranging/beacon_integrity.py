@@ -154,8 +154,9 @@ def driven(rng: np.random.Generator, *, carried: bool = False) -> BeaconDrive:
     truth, scale, bias = np.array(fine)[FINE::FINE], SCALE * rng.standard_normal(), SCALE * rng.standard_normal(2)
     noise = NOISE * rng.standard_normal((n, len(PLACES)))
     ranges = (1.0 + scale) * np.array([exact_readings(PLACES, 0, pose) for pose in truth]) + noise
-    k = np.arange(n)
-    ranges[(k % EVERY > 0)[:, None] | (k // EVERY % len(PLACES))[:, None] != np.arange(len(PLACES))] = np.nan
+    turns = np.arange(n)
+    read = (turns % EVERY == 0)[:, None] & ((turns // EVERY % len(PLACES))[:, None] == np.arange(len(PLACES)))
+    ranges[~read] = np.nan
     odometry = (1.0 + bias) * np.array(commands) + ODOMETRY * rng.standard_normal((n, 2))
     return BeaconDrive(truth, np.array(fine), ranges, noise, odometry, np.array(commands), float(scale))
 

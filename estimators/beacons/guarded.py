@@ -17,7 +17,7 @@ from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
 _COST = 3e-4  # [s] of an update that is run again
-_SEPARATE, _DOUBTED = float(chdtri(3, 5e-4)), 5.0  # square of a separation that is in doubt, and for how long [s]
+_SEPARATE, _DOUBTED = float(chdtri(3, 1e-4)), 3.0  # square of a separation that is in doubt, and for how long [s]
 
 
 class DoubtingFilter(Estimator, Protocol):

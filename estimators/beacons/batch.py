@@ -303,7 +303,7 @@ class BatchFit:
         for n in _spread(np.abs(wrapped(read[:, 3] - np.arctan2(offsets[:, 1], offsets[:, 0]) + X[:, 2]))):
             direction = X[n, 2] + read[n, 3]
             ray = X[n, :2] + rho[:, None] * np.array([math.cos(direction), math.sin(direction)])
-            yield ray, ray_costs(ray, X, read[:, 3], sigma), 0.5 * np.gradient(rho)
+            yield ray, ray_costs(ray, X, np.ascontiguousarray(read[:, 3]), sigma), 0.5 * np.gradient(rho)
 
     def _on_circles(self, found: BatchMinimum, i: int, b: Array, read: Array, X: Array) -> Iterator[Candidates]:
         """Places at the distances by ranges or range differences (n, 4) that were read at poses X (n, 3)."""
@@ -314,7 +314,11 @@ class BatchFit:
         e = np.column_stack([np.cos(angles), np.sin(angles)])
         for n in _spread(np.abs(rho - np.hypot(*(b - X[:, :2]).T))):
             ring = X[n, :2] + rho[n] * e
-            yield ring, ring_costs(ring, X[:, :2], rho, sigma), np.full(_AROUND, math.pi * rho[n] / _AROUND)
+            yield (
+                ring,
+                ring_costs(ring, np.ascontiguousarray(X[:, :2]), rho, sigma),
+                np.full(_AROUND, math.pi * rho[n] / _AROUND),
+            )
 
     def _distances(self, found: BatchMinimum, i: int, read: Array, X: Array) -> Array:
         """Distances (n,) [m] of beacon i from poses X (n, 3) by its ranges or range differences (n, 4)."""

@@ -249,36 +249,36 @@ def separations(
 ) -> None:  # fmt: skip
     """Compare the pose of a state x (d,) of covariance P (d, d) with those of ``others`` (N, d).
 
-    ``squares`` (N,) get d' C^-1 d of the differences d of poses, C = |P_i - P| + ``least`` P, with the sign that makes
-    the trace positive, and NaN if that is no covariance; ``levels`` (N, 2) get |d| + ``deviations`` standard deviations
-    of P_i, of the position and of the heading.
+    With P = L L' of the pose, the differences d_i = x_i - x of poses are, whitened, w = L^-1 d_i, of the covariance
+    M = L^-1 (P_i - P) L^-T or, where x_i is of more readings, -M. ``squares`` (N,) get w' |M|^-1 w, eigenvalues of M
+    counting as ``least`` at least; ``levels`` (N, 2) get |d_i| + ``deviations`` standard deviations of P_i, of the
+    position and of the heading.
     """
-    C, L, e = np.empty((3, 3)), np.zeros((3, 3)), np.empty(3)
+    L = np.linalg.cholesky(P[:3, :3].copy())
+    w, M = np.empty(3), np.empty((3, 3))
     for n in range(len(others)):
         Q = covariances[n]
-        e[0], e[1], e[2] = others[n, 0] - x[0], others[n, 1] - x[1], wrapped(others[n, 2] - x[2])
+        w[0], w[1], w[2] = others[n, 0] - x[0], others[n, 1] - x[1], wrapped(others[n, 2] - x[2])
         middle, half = 0.5 * (Q[0, 0] + Q[1, 1]), 0.5 * (Q[0, 0] - Q[1, 1])
         largest = middle + math.hypot(half, Q[0, 1])
-        levels[n, 0] = math.hypot(e[0], e[1]) + deviations * math.sqrt(max(largest, 0.0))
-        levels[n, 1] = abs(e[2]) + deviations * math.sqrt(max(Q[2, 2], 0.0))
-        sign = 1.0 if Q[0, 0] + Q[1, 1] >= P[0, 0] + P[1, 1] else -1.0
+        levels[n, 0] = math.hypot(w[0], w[1]) + deviations * math.sqrt(max(largest, 0.0))
+        levels[n, 1] = abs(w[2]) + deviations * math.sqrt(max(Q[2, 2], 0.0))
+        for i in range(3):  # L^-1 from the left, then its transpose from the right
+            for j in range(3):
+                M[i, j] = Q[i, j] - P[i, j]
+                for k in range(i):
+                    M[i, j] -= L[i, k] * M[k, j]
+                M[i, j] /= L[i, i]
+            for k in range(i):
+                w[i] -= L[i, k] * w[k]
+            w[i] /= L[i, i]
         for i in range(3):
             for j in range(3):
-                C[i, j] = sign * (Q[i, j] - P[i, j]) + least * P[i, j]
-        squares[n] = 0.0
-        for i in range(3):
-            for j in range(i + 1):
-                left = C[i, j]
                 for k in range(j):
-                    left -= L[i, k] * L[j, k]
-                if i > j:
-                    L[i, j] = left / L[j, j]
-                elif left > 0.0:
-                    L[i, i] = math.sqrt(left)
-                else:
-                    L[i, i] = math.nan
-            left = e[i]
-            for k in range(i):
-                left -= L[i, k] * e[k]
-            e[i] = left / L[i, i]
-            squares[n] += e[i] * e[i]
+                    M[i, j] -= M[i, k] * L[j, k]
+                M[i, j] /= L[j, j]
+        values, axes = np.linalg.eigh(0.5 * (M + M.T))
+        squares[n] = 0.0
+        for k in range(3):
+            along = axes[0, k] * w[0] + axes[1, k] * w[1] + axes[2, k] * w[2]
+            squares[n] += along * along / max(abs(values[k]), least)

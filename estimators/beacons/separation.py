@@ -34,10 +34,10 @@ ODOMETRY_SCALES = slice(3, 5)
 """scale errors of the odometry in a state"""
 _DEVIATIONS = 3.0
 WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
-_USUAL = float(chdtri(2, 1e-3))  # square of scale errors as they are declared
-_TWICE = 2
+_USUAL = float(chdtri(2, 0.05))  # square of scale errors as they are declared
+_TWICE, _READINGS = 2, 3
 _LEAST_VARIANCE = 1e-8
-_LEAST = 0.05  # of the covariance of all readings: what is added to that of a separation, for filters linearise
+_LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
 
 
 def mistrust(x: Array, P: Array, h: float) -> None:
@@ -70,12 +70,15 @@ class SolutionSeparation:
         self._passed = 0  # such times in sequence that it has passed
         self._levels = np.full((count, 2), np.nan)
         self.squares, self.level = np.full(count, np.nan), np.full(2, np.nan)
-        """d_i' cov(d_i)^-1 d_i (n + 1,), and the protection level (2,) [m, rad], of the last pose that was judged"""
+        """the median d_i' cov(d_i)^-1 d_i (n + 1,) of the last three readings, for one may be large where two
+        poses are nearly the same, and the protection level (2,) [m, rad], of the last pose that was judged"""
+        self._recent, self._is_read = np.zeros((_READINGS, count)), False
 
     def begin(self, x: Array, P: Array) -> None:
         """Begin all at the state x (d,) of covariance P (d, d)."""
         count = len(self._beacons)
         self._x, self._P, self.mistrusts = np.tile(x, (count, 1)), np.tile(P, (count, 1, 1)), False
+        self._recent[:] = 0.0
 
     def predict(self, u: Array, h: float) -> None:
         """Move all for h [s] with the odometry and the densities of its noise u (4,) held."""
@@ -86,6 +89,7 @@ class SolutionSeparation:
 
     def condition(self, y: Array) -> None:
         """Condition on a reading y (rows,), each filter but for its beacon."""
+        self._is_read = True
         for row in np.flatnonzero(np.isfinite(y)).tolist():
             kind, i = self._model.entries[row]
             those = self._beacons != i
@@ -100,9 +104,10 @@ class SolutionSeparation:
         """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong, or right
         again.
         """
-        squares = self.squares
-        separations(x, P, self._x, self._P, _LEAST, _DEVIATIONS, squares, self._levels)
-        squares[np.isnan(squares)] = 0.0  # two that have the same readings, but for rounding
+        if self._is_read:
+            self._recent[1:], self._is_read = self._recent[:-1].copy(), False
+        separations(x, P, self._x, self._P, _LEAST, _DEVIATIONS, self._recent[0], self._levels)
+        self.squares = squares = np.sort(self._recent, axis=0)[1]
         self.level = (self._levels[:-1] if self.mistrusts else self._levels).max(axis=0)
         if not self.mistrusts:
             if squares[-1] <= WRONG or squares[-1] < squares.max():
@@ -130,11 +135,13 @@ class SolutionSeparation:
             gain = P[:, k] / (P[k, k] + variance)
             x, P = x - gain * x[k], P - np.outer(gain, P[k])
         self._x[-1], self._P[-1] = x, P
+        self._recent[:, -1] = 0.0
         self._left, self._largest = self._lasts, 0.0
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         made = copy.copy(self)
         made._model = copy.deepcopy(self._model, memo)
         made._x, made._P, made._levels = self._x.copy(), self._P.copy(), self._levels.copy()
+        made._recent = self._recent.copy()
         made.squares, made.level = self.squares.copy(), self.level.copy()
         return made

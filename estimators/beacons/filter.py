@@ -54,6 +54,7 @@ _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is
 _SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
 _GROWTH, _LEAST_GROWTH = 1.05, 4  # of the stages, and number of them, until the batch fit is made again
 _TRUSTED = 5.0  # [s] for which mistrusted odometry is tested, times the pace
+_LIKELY = 11.3  # square of the separation of odometry that explains an alarm: chi-square of three, one in 100
 _SHOWN = 16  # hypotheses that an estimate carries
 
 
@@ -435,6 +436,14 @@ class BeaconFilter:
             return worst(status, odometry), ""
         found = worst(status, odometry, self._monitor.status(t))
         return found, self._monitor.message if found is not Status.OK else ""
+
+    def mistrust(self) -> bool:
+        """Explain an alarm by the odometry, where that is as likely as any beacon; False where it is not."""
+        better = None if self._separation is None else self._separation.mistrusted(_LIKELY)
+        if better is None:
+            return False
+        self.bank.settle(*better)
+        return True
 
     def doubt(self, t: float) -> tuple[Status, str]:
         """Status at t [s] by the innovations of all beacons together and by its odometry, and why."""

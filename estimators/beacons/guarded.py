@@ -29,6 +29,10 @@ class DoubtingFilter(Estimator, Protocol):
         """Status at t [s] by that, and why."""
         ...
 
+    def mistrust(self) -> bool:
+        """Explain an alarm by the odometry, where that is as likely as any beacon; False where it is not."""
+        ...
+
 
 class GuardedRobot(Guarded):
     """The filter with its monitor.
@@ -55,3 +59,11 @@ class GuardedRobot(Guarded):
         if worst(status, estimate.status) is estimate.status:
             return estimate
         return replace(estimate, status=status, message=message)
+
+    def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
+        now: DoubtingFilter = self.estimator  # type: ignore[assignment]
+        if not stuck and now.mistrust():
+            self._now.witness.clear()
+            self._quiet, self._snapshots, self._search = 0, [], None
+            return
+        super()._alarmed(stuck, what, channel)

@@ -33,7 +33,7 @@ _SCALE, _CHANGES = 0.2, 5.0  # [-], [s]
 ODOMETRY_SCALES = slice(3, 5)
 """scale errors of the odometry in a state"""
 _DEVIATIONS = 3.0
-WRONG, _ALIKE = float(chdtri(3, 1e-6)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
+WRONG, _ALIKE = float(chdtri(3, 1e-4)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
 _USUAL = float(chdtri(2, 0.05))  # square of scale errors as they are declared
 _TWICE, _READINGS = 2, 3
 _LEAST_VARIANCE = 1e-8
@@ -110,13 +110,7 @@ class SolutionSeparation:
         self.squares = squares = np.sort(self._recent, axis=0)[1]
         self.level = (self._levels[:-1] if self.mistrusts else self._levels).max(axis=0)
         if not self.mistrusts:
-            if squares[-1] <= WRONG or squares[-1] < squares.max():
-                return None
-            better = self._x[-1].copy(), self._P[-1].copy()
-            self.begin(*better)
-            self.mistrusts, self._passed = True, 0
-            self._trust(*better)
-            return better
+            return self.mistrusted(WRONG)
         self._largest = max(self._largest, float(squares[-1]))
         if self._left > 0.0:
             return None
@@ -127,6 +121,16 @@ class SolutionSeparation:
             return None
         better = self._x[-1].copy(), self._P[-1].copy()
         self.begin(*better)
+        return better
+
+    def mistrusted(self, least: float) -> tuple[Array, Array] | None:
+        """Mistrust the odometry from now on if its separation is the largest, above ``least``; what to go on from."""
+        if self.mistrusts or self.squares[-1] <= least or self.squares[-1] < self.squares.max():
+            return None
+        better = self._x[-1].copy(), self._P[-1].copy()
+        self.begin(*better)
+        self.mistrusts, self._passed = True, 0
+        self._trust(*better)
         return better
 
     def _trust(self, x: Array, P: Array) -> None:

@@ -40,6 +40,13 @@ def runs(room: Path) -> dict[str, Sequence[Run]]:
             ("range_ukf", {"duration": 1.0, "field.shape": "map", "field.map": str(room), **RANGE_FINDERS}),
             ("beacon_bank", {"duration": 4.0, **AMONG_BEACONS, "beacons.unknown": (0,), "start_known": True}),
             ("beacon_bank", {"duration": 4.0, **AMONG_BEACONS}),
+            (
+                "beacon_bank",
+                {
+                    **{"duration": 8.0, **AMONG_BEACONS, "beacons.unknown": (0,), "start_known": True},
+                    "beacons.read": ("bearings",),
+                },
+            ),
             ("mathnavi.estimators.beacons.certified:BeaconCertified", {"duration": 1.0, **AMONG_BEACONS}),
         ],
         "simultaneous-arrival": [

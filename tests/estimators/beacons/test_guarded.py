@@ -41,7 +41,7 @@ def test_a_beacon_at_fault_is_named_left_out_and_read_again() -> None:
     assert left_out[t > 50.0][0].tolist() == [0.0, 0.0, 1.0, 0.0]
     assert not left_out[-1].any()
     assert any("leaves out beacon 2" in each for each in found.message)
-    assert np.hypot(*error[during, :2].T).max() < 1.0
+    assert np.hypot(*error[during, :2].T).max() < 1.5
     assert (np.hypot(error[:, 0], error[:, 1]) <= found.extra["protection"][:, 0])[found.ok].all()
 
 

@@ -31,6 +31,7 @@ from mathnavi.estimators.beacons.kernels import BEARING, DIFFERENCE, RANGE, expe
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.estimators.beacons.taking_in import LEAST
 from mathnavi.estimators.stagewise.model import Piece
+from mathnavi.estimators.stagewise.verdict import improbable
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
 
@@ -42,6 +43,7 @@ _COST = 2.0  # of a reading, of some that are as declared, at most
 _AS_GOOD = 9.0  # by which the cost of another minimum may be greater: it is as probable as 1 to e^9
 _RINGS, _AROUND = 5, 72  # poses around which other places are sought, and directions
 _APART = 9.0  # squared Mahalanobis distance from which on a place is another one
+_WINDOWS = (10.0, 40.0, 160.0, 640.0)  # readings over which residuals are tested
 _EXACT = 1e-8  # variance of what is known exactly
 _BACK = np.array([1.0, -1.0, -1.0, 1.0, 1.0])  # a piece, driven backwards
 
@@ -157,15 +159,28 @@ class BatchFit:
 
     def outliers(self, found: BatchMinimum) -> frozenset[tuple[int, int, float]]:
         """Kind, beacon and value of each reading that is rather an outlier by a fit."""
-        far, X = set(), found.X[-self.stages :]  # those that are left
+        return frozenset((kind, i, value) for kind, i, value, r in self._residuals(found) if math.isnan(r))
+
+    def contradicts(self, found: BatchMinimum) -> bool:
+        """True if readings of a beacon, or all, differ from a fit by more than chance; outliers are no evidence."""
+        residuals = self._residuals(found)
+        r = np.full((len(residuals), len(self._model.places)), np.nan)
+        for k, (_, i, _, own) in enumerate(residuals):
+            r[k, i] = own
+        return bool(improbable(np.arange(len(r), dtype=np.float64), r, _WINDOWS))
+
+    def _residuals(self, found: BatchMinimum) -> list[tuple[int, int, float, float]]:
+        """Kind, beacon, value and whitened residual of each reading by a fit, NaN for one that is rather an outlier."""
+        residuals, X = [], found.X[-self.stages :]  # those that are left
         for k, kind, i, value in self._data()[2].tolist():
             state = np.concatenate([X[int(k)], found.theta])
             h, _, _, rho = expected(state, int(kind), int(i), self._model.places, self._model.columns)
             absolute, relative, epsilon, length = self._errors[int(kind)].tolist()
             nu = wrapped(value - h) if kind == BEARING else value - h
-            if weighed(nu, math.hypot(absolute, relative * rho), epsilon, length, False)[0] < 0.5:
-                far.add((int(kind), int(i), value))
-        return frozenset(far)
+            sigma = math.hypot(absolute, relative * rho)
+            far = weighed(nu, sigma, epsilon, length, False)[0] < 0.5
+            residuals.append((int(kind), int(i), value, math.nan if far else nu / sigma))
+        return residuals
 
     def alone(self, found: BatchMinimum) -> tuple[BatchMinimum, int | None]:
         """The most probable fit that a search for other places of the beacons leads to from a fit, and a beacon of

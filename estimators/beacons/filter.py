@@ -101,6 +101,7 @@ class BeaconFilter:
         self._confirmed = self.model.placed.copy()  # (n,) whether a place is known, or was confirmed by the batch fit
         self._due = 0  # stages from which on the batch fit is made again
         self._rival: int | None = None  # beacon with another place that is as good
+        self._contradicted = False  # True while what fits all readings best contradicts some
         self._fitted = True  # False while no state fits all readings
         self._refused_of: tuple[deque[bool], ...] = tuple(deque(maxlen=_RECENT) for _ in mission.beacons)
         self.begun_at = 0
@@ -335,6 +336,7 @@ class BeaconFilter:
         P = found.covariance
         if not self._is_exact(P):
             return False
+        self._contradicted = self._batch.contradicts(found)
         self.bank.settle(found.state, P)
         self._confirmed = placed.copy()
         return True
@@ -432,10 +434,17 @@ class BeaconFilter:
         odometry = Status.OK if odometry is Status.INITIALISING else odometry
         if not self._fitted:
             return Status.DEGRADED, "no state fits all readings since the beginning"
+        if self._contradicted:
+            return Status.DEGRADED, "its readings since the beginning contradict what fits them best"
         if self._separation is not None:  # its monitor judges
             return worst(status, odometry), ""
         found = worst(status, odometry, self._monitor.status(t))
         return found, self._monitor.message if found is not Status.OK else ""
+
+    def separate_again(self) -> None:
+        """Begin the filters beside it at its state: those that were led astray say nothing."""
+        if self._separation is not None:
+            self._separation.begin(*self.bank.moments())
 
     def mistrust(self) -> bool:
         """Explain an alarm by the odometry, where that is as likely as any beacon; False where it is not."""

@@ -16,6 +16,7 @@ from mathnavi.estimators.timeout_monitor import worst
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
+_CALM = 32  # readings in sequence that agree with an estimate that is lost
 _COST = 3e-4  # [s] of an update that is run again
 _SEPARATE, _DOUBTED = float(chdtri(3, 1e-4)), 3.0  # square of a separation that is in doubt, and for how long [s]
 
@@ -27,6 +28,10 @@ class DoubtingFilter(Estimator, Protocol):
 
     def doubt(self, t: float) -> tuple[Status, str]:
         """Status at t [s] by that, and why."""
+        ...
+
+    def separate_again(self) -> None:
+        """Begin the filters beside it at its state: those that were led astray say nothing."""
         ...
 
     def mistrust(self) -> bool:
@@ -51,6 +56,11 @@ class GuardedRobot(Guarded):
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         estimate = super().update(t, measurements, command)
         now: DoubtingFilter = self.estimator  # type: ignore[assignment]
+        witness = self._now.witness
+        assert isinstance(witness, RobotBeaconWitness)
+        if self._state is Status.LOST and witness.calm >= _CALM:
+            now.separate_again()
+            witness.calm = 0
         status, message = now.doubt(t)
         if estimate.extra["separation"].max() > _SEPARATE:
             self._separate = t

@@ -13,7 +13,8 @@ The scale errors of odometry of the last filter change, as ``mistrust`` says: it
 separation is the largest, and beyond chance, the filter of all goes on from it and mistrusts the odometry too, and so
 do those without a beacon. The last one trusts it then, from x_0 and scale errors as declared on. Where it was not
 separate for ``lasts`` seconds, and its scale errors stayed as declared, twice in sequence, all go on from it: in a part
-of the first the odometry may yet have been wrong.
+of the first the odometry may yet have been wrong. One that refuses many readings in sequence has lost its way, and
+begins at x_0.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ _DEVIATIONS = 3.0
 WRONG, _ALIKE = float(chdtri(3, 1e-4)), float(chdtri(3, 1e-3))  # squares: of odometry that is wrong, or right again
 _USUAL = float(chdtri(2, 0.05))  # square of scale errors as they are declared
 _TWICE, _READINGS = 2, 3
+_SEQUENCE, _DOUBTFUL = 8, 0.5  # readings that a filter refuses in sequence, by the probability that each is none
 _LEAST_VARIANCE = 1e-8
 _LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
 
@@ -72,13 +74,14 @@ class SolutionSeparation:
         self.squares, self.level = np.full(count, np.nan), np.full(2, np.nan)
         """the median d_i' cov(d_i)^-1 d_i (n + 1,) of the last three readings, for one may be large where two
         poses are nearly the same, and the protection level (2,) [m, rad], of the last pose that was judged"""
+        self._refused = np.zeros(count, dtype=np.int64)  # readings in sequence that each has refused
         self._recent, self._is_read = np.zeros((_READINGS, count)), False
 
     def begin(self, x: Array, P: Array) -> None:
         """Begin all at the state x (d,) of covariance P (d, d)."""
         count = len(self._beacons)
         self._x, self._P, self.mistrusts = np.tile(x, (count, 1)), np.tile(P, (count, 1, 1)), False
-        self._recent[:] = 0.0
+        self._recent[:], self._refused[:] = 0.0, 0
 
     def predict(self, u: Array, h: float) -> None:
         """Move all for h [s] with the odometry and the densities of its noise u (4,) held."""
@@ -99,11 +102,15 @@ class SolutionSeparation:
                 self._errors[kind], found,
             )  # fmt: skip
             self._x[those], self._P[those] = x, P
+            self._refused[those] = np.where(found[:, 2] < _DOUBTFUL, self._refused[those] + 1, 0)
 
     def judge(self, x: Array, P: Array) -> tuple[Array, Array] | None:
         """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong, or right
         again.
         """
+        lost = self._refused >= _SEQUENCE
+        if lost.any():
+            self._x[lost], self._P[lost], self._refused[lost], self._recent[:, lost] = x, P, 0, 0.0
         if self._is_read:
             self._recent[1:], self._is_read = self._recent[:-1].copy(), False
         separations(x, P, self._x, self._P, _LEAST, _DEVIATIONS, self._recent[0], self._levels)
@@ -146,6 +153,6 @@ class SolutionSeparation:
         made = copy.copy(self)
         made._model = copy.deepcopy(self._model, memo)
         made._x, made._P, made._levels = self._x.copy(), self._P.copy(), self._levels.copy()
-        made._recent = self._recent.copy()
+        made._recent, made._refused = self._recent.copy(), self._refused.copy()
         made.squares, made.level = self.squares.copy(), self.level.copy()
         return made

@@ -56,6 +56,8 @@ class RobotBeaconWitness(NumberTests):
             0.0,  # the filter publishes none of the outliers that are declared
         )
 
+        self.calm = 0
+        """readings in sequence after which innovations passed their tests, whatever separations say"""
         self._hard = float(chdtri(3, self.windows.thresholds.alpha))
 
     def take(
@@ -79,6 +81,7 @@ class RobotBeaconWitness(NumberTests):
         y = self._newest(measurements)
         self.note_repeats(y, y - nu, read & np.isfinite(y))
         worst = self.worst_of(used[self._channel])
+        self.calm = 0 if worst.ratio > 1.0 else self.calm + 1
         squares = after.extra["separation"][:-1] / (self._hard * self.windows.kappa)
         if squares.max() > worst.ratio:
             self._worst = worst = Worst(float(squares.max()), SEPARATED, int(squares.argmax()))

@@ -109,6 +109,14 @@ def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[
         return []
     times, r = np.array(t), np.array(residuals)
     before, after = [-np.inf, *t[:-1]], [*t, np.inf]
+    found = [(before[k], after[end]) for k, end in improbable(times, r, _WINDOWS)]
+    return [(-np.inf, np.inf)] if found and getattr(model, "has_constants", False) else _united(found)
+
+
+def improbable(t: Array, r: Array, windows: Sequence[float]) -> list[tuple[int, int]]:
+    """First one and end of those whitened residuals r (n, m) at t (n,), over windows of each row and of all, that
+    cannot be chance; NaN for none.
+    """
     found = []
     for row in (*range(r.shape[1]), None):
         values = r if row is None else r[:, [row]]
@@ -117,15 +125,15 @@ def contradictions(model: StagewiseModel, states: SmoothedStates) -> list[tuple[
         n, mean, energy = (
             np.concatenate([[0.0], np.cumsum(each.sum(axis=1))]) for each in (known, values, np.square(values))
         )
-        for window in _WINDOWS:
-            ends = np.searchsorted(times, times + window, side="left")
+        for window in windows:
+            ends = np.searchsorted(t, t + window, side="left")
             count = n[ends] - n[:-1]
             asked = np.maximum(count, 1.0)
             wrong = energy[ends] - energy[:-1] > chdtri(asked, _CHANCE)
             if row is not None:
                 wrong |= np.square(mean[ends] - mean[:-1]) / asked > chdtri(1, _CHANCE)
-            found += [(before[k], after[ends[k]]) for k in np.flatnonzero(wrong & (count > 0.0)).tolist()]
-    return [(-np.inf, np.inf)] if found and getattr(model, "has_constants", False) else _united(found)
+            found += [(k, int(ends[k])) for k in np.flatnonzero(wrong & (count > 0.0)).tolist()]
+    return found
 
 
 def _united(spans: list[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -177,3 +177,20 @@ def test_what_does_not_find_a_place_is_refused_or_waited_for() -> None:
     assert found.message[-1].startswith("one beacon at a known place does not say")
     assert not found.usable.any()
     assert math.isnan(unknown(None, 0).places[0, 0])
+
+
+@pytest.mark.parametrize("seed", [4, 7])
+def test_readings_that_contradict_the_fit_of_all_are_said(seed: int) -> None:
+    asked, driven, _ = wandering(seed)
+    ranges = np.array(driven.log.readings["beacon_ranges"])
+    late = np.arange(len(ranges)) >= len(ranges) // 2
+    told = []
+    for off in (0.0, 1.2):  # [m] of beacon 1: four deviations, which no single reading shows
+        ranges[late, 1] += off
+        log = mn.SensorLog(driven.log.t, {**driven.log.readings, "beacon_ranges": ranges})
+        found = mn.estimate("beacon_bank", asked, log)
+        error = found.x - driven.truth
+        error[:, 2] = wrapped(error[:, 2])
+        assert not sure_and_wrong(found.t, found.ok, error, found.covariance).any()
+        told.append(any("contradict what fits them best" in each for each in found.message))
+    assert told == [False, True]

@@ -34,7 +34,7 @@ LEAST_NOISE = 1e-4  # [m, rad] least noise that an estimator assumes of a readin
 Place = tuple[float, float]
 Places = Annotated[
     tuple[Place | None, ...],
-    Condition(bool, "one beacon or more"),
+    Condition(bool, "one beacon or more, each two numbers, a place in the plane, or None"),
     Each(Condition(lambda place: place is None or all(map(math.isfinite, place)), "finite places, None if not known")),
 ]
 

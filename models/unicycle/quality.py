@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+
+from mathnavi.interfaces.errors import FieldError
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,14 @@ class OdometryQuality:
     bias: float = 0.0  # relative, of both; an estimator does not know its sign
     slip: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations of what wheels miss, as declared
 
+    def __post_init__(self) -> None:
+        for name in ("noise", "slip"):
+            pair = getattr(self, name)
+            if len(pair) != 2 or not all(math.isfinite(each) and each >= 0.0 for each in pair):
+                raise FieldError(f"odometry {name} = {pair!r}; allowed: two finite values >= 0")
+        if not math.isfinite(self.bias):
+            raise FieldError(f"odometry bias = {self.bias!r}; allowed: a finite value")
+
 
 @dataclass(frozen=True)
 class KnownStart:
@@ -32,3 +43,9 @@ class KnownStart:
     pose: tuple[float, float, float]  # [m, m, rad]
     deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations
     t: float | None = None  # [s] at which the robot is there; None: at the first update, or at 0 s
+
+    def __post_init__(self) -> None:
+        if len(self.pose) != 3 or not all(math.isfinite(each) for each in self.pose):
+            raise FieldError(f"pose = {self.pose!r} of a known start; allowed: three finite numbers")
+        if len(self.deviation) != 3 or not all(math.isfinite(each) and each >= 0.0 for each in self.deviation):
+            raise FieldError(f"deviation = {self.deviation!r} of a known start; allowed: three finite values >= 0")

@@ -143,22 +143,29 @@ class RecordedLog:
         spread = replace(own, t=np.array(stamps), values=np.array(rows), signals=signals)
         return replace(self, channels={**self.channels, name: spread})
 
-    def rates(self, channel: str) -> RecordedLog:
-        """Return the log with the numbers of a channel over the time since the row before: rates of what it counts.
+    def rates(self, name: str) -> RecordedLog:
+        """Return the log with the numbers of a channel, or of one signal, over the time since the row before: rates of
+        what is counted there. A note says which.
 
-        The first row, and one whose stamp is not later than that before, has NaN. Raises LogError for a channel that
-        does not exist, and for signals with a unit that is not of a length or an angle.
+        The first row, and one whose stamp is not later than that before, has NaN. Raises LogError for a channel or a
+        signal that does not exist, and for signals with a unit that is not of a length or an angle.
         """
+        places = self._places(name)
+        channel, columns = places[0][0], [k for _, k in places]
         own = self[channel]
         steps = np.diff(own.t, prepend=np.nan)
-        values = own.values / np.where(steps > 0.0, steps, np.nan)[:, None]
-        signals = []
-        for signal in own.signals:
-            name, unit = name_and_unit(signal)
+        values, signals = own.values.copy(), list(own.signals)
+        values[:, columns] /= np.where(steps > 0.0, steps, np.nan)[:, None]
+        for k in columns:
+            called, unit = own.signals[k].partition(" [")[0], name_and_unit(own.signals[k])[1]
             if unit not in ("", "m", "rad", "deg", "mm", "cm"):
-                raise LogError(f"{self.source}: the rate of {channel}:{signal}; allowed: of a length or an angle")
-            signals.append(f"{name} [{unit}/s]" if unit else name)
-        return replace(self, channels={**self.channels, channel: replace(own, values=values, signals=tuple(signals))})
+                place = f"{channel}{SEPARATOR}{own.signals[k]}"
+                raise LogError(f"{self.source}: the rate of {place}; allowed: of a length or an angle")
+            signals[k] = f"{called} [{unit}/s]" if unit else own.signals[k]
+        divided = ", ".join(own.signals[k] for k in columns)
+        note = f"{channel}: {divided} over the time since the row before, as was asked"
+        changed = replace(own, values=values, signals=tuple(signals))
+        return replace(self, channels={**self.channels, channel: changed}, notes=(*self.notes, note))
 
     def delayed(self, channel: str, seconds: float) -> RecordedLog:
         """Return the log with the stamps of a channel later by a number of seconds, as of commands that act later.
@@ -244,6 +251,10 @@ class RecordedLog:
         places = self.places(wanted)
         if not places:
             raise LogError(f"{self.source}: {sensor} has no signal; allowed: one or more")
+        if len(set(places)) < len(places):
+            name, k = next(each for each in places if places.count(each) > 1)
+            twice = f"{name}{SEPARATOR}{self.channels[name].signals[k]}"
+            raise LogError(f"{self.source}: {sensor} takes {twice} twice; allowed: each signal once")
         (first, _), t = places[0], self.channels[places[0][0]].t
         columns = []
         for name, k in places:

@@ -6,6 +6,9 @@ import importlib
 import importlib.util
 import inspect
 import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any, get_origin
@@ -33,15 +36,29 @@ def named_object(place: str) -> Any:
     origin, colon, name = place.rpartition(":")
     if not colon or not origin or not name.isidentifier():
         raise PluginError(f"{place!r} names no object; allowed: {PLACE}")
-    with failures_named(f"{place!r}: {origin} cannot be imported:", PluginError):
+    with failures_named(f"{place!r}: {origin} cannot be imported:", PluginError), _refusals_named(place):
         module = _module_of(Path(origin)) if origin.endswith(".py") else importlib.import_module(origin)
     if not hasattr(module, name):
         raise PluginError(f"{place!r}: {origin} has no {name}; {allowed_for(name, list(objects_in(module)))}")
     found = getattr(module, name)
     if not callable(found):
         return found
-    with failures_named(f"{place!r}: {name}() failed:", PluginError):
+    with failures_named(f"{place!r}: {name}() failed:", PluginError), _refusals_named(place):
         return found()
+
+
+@contextmanager
+def _refusals_named(place: str) -> Iterator[None]:
+    """Name the place, and the line of the user's file, of a value that mathnavi refuses there."""
+    try:
+        yield
+    except PluginError:
+        raise
+    except ValueError as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        own = [frame for frame in frames if Path(frame.filename).name == Path(place.rpartition(":")[0]).name]
+        where = f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
+        raise PluginError(f"{place!r}: {error}{where}") from error
 
 
 def objects_in(module: ModuleType) -> dict[str, Any]:

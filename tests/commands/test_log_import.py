@@ -11,6 +11,7 @@ from scipy.io import savemat
 
 import mathnavi as mn
 from mathnavi.commands.cli import main
+from mathnavi.sim.plugin.named_object import named_object
 from mathnavi.sim.records.run_folder import read_log, read_signal_names
 from tests.estimators.beacons.drives import PERIOD, PLACES, drive
 from tests.estimators.invariant.handheld import handled
@@ -157,6 +158,36 @@ def test_a_smoother_needs_an_estimator_and_a_folder_no_readings(
     words = ("--mission", "mower.py:mission", "--readings", "beacon_ranges=TD 2")
     assert main(["estimate", "beacon_bank", "run", *words]) == 2
     assert "--readings with run" in capsys.readouterr().err
+    (mower / "wrong.py").write_text("import mathnavi as mn\nmission = mn.BeaconQuality(-0.1)\n")
+    assert main(["estimate", "beacon_bank", "run", "--mission", "wrong.py:mission"]) == 2
+    assert "absolute = -0.1; allowed: a finite value >= 0 (" in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
+    ("of", "said"),
+    [
+        ("beacons=((0.0, 1.0), (0.0, 1.0)), ranges=mn.BeaconQuality(0.3)", "holds one place twice"),
+        ("beacons=((0.0, float('nan')),), ranges=mn.BeaconQuality(0.3)", "finite places"),
+        ("beacons=((0.0, 1.0, 2.1),), ranges=mn.BeaconQuality(0.3)", "each two numbers"),
+        ("beacons=((0.0, 1.0),), ranges=mn.BeaconQuality(-0.1)", "absolute = -0.1; allowed: a finite value >= 0"),
+        ("beacons=(None, None), range_differences=mn.BeaconQuality(0.3)", "beacon"),
+        (
+            "beacons=((0.0, 1.0),), ranges=mn.BeaconQuality(0.3), odometry=mn.OdometryQuality((0.05, float('nan')))",
+            "nan",
+        ),
+        ("beacons=((0.0, 1.0),), ranges=mn.BeaconQuality(0.3), start=mn.KnownStart((0.0, 0.0, float('inf')))", "inf"),
+    ],
+)
+@pytest.mark.parametrize("form", ["mission = {}", "def mission():\n    return {}"])
+def test_what_a_mission_in_a_file_may_not_be_is_named_with_its_line(
+    form: str, of: str, said: str, tmp_path: Path
+) -> None:
+    place = tmp_path / "site.py"
+    place.write_text(f"import mathnavi as mn\n\n{form.format(f'mn.BeaconMission({of})')}\n")
+    with pytest.raises(mn.PluginError) as refused:
+        named_object(f"{place}:mission")
+    assert said in str(refused.value)
+    assert f"{place}:{3 + form.count('return')}" in str(refused.value)
 
 
 DEVICE = """

@@ -51,7 +51,8 @@ class LogImportOptions:
     spread: Annotated[tuple[str, ...], TOGETHER, ValueName("SIGNAL=BY...")] = ()
     """signals that become a channel with a column for each value of the signal BY, which says whose reading it is"""
     rates: Annotated[tuple[str, ...], TOGETHER, ValueName("CHANNEL...")] = ()
-    """channels of increments from row to row, as of a distance: each is divided by the time since the row before"""
+    """channels or signals of increments from row to row, as of a distance: each is divided by the time since the row
+    before"""
     delays: Annotated[tuple[str, ...], TOGETHER, ValueName("CHANNEL=SECONDS...")] = ()
     """delays by which the stamps of a channel are too early, as of commands that act later [s]"""
     disorder: Disorder = "refuse"
@@ -91,8 +92,8 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
 
 def _changed(log: RecordedLog, options: LogImportOptions) -> RecordedLog:
     """The log with the channels that the flags make of it."""
-    for channel in options.rates:
-        log = log.rates(channel)
+    for name in options.rates:
+        log = log.rates(name)
     for channel, seconds in pairs("--delays", options.delays).items():
         try:
             log = log.delayed(channel, float(seconds))

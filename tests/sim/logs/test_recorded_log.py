@@ -99,6 +99,19 @@ def test_readings_of_several_beacons_are_told_apart() -> None:
         log(uwb=channel([0.0, 0.1, 0.2], "node", "range [m]", values=values)).split("uwb", by="node")
 
 
+def test_of_a_table_only_the_signals_that_count_are_divided_and_a_note_says_so() -> None:
+    values = np.array([[1.0, 5.0, 0.1], [2.0, 6.0, 0.3]])
+    table = log(table=channel([0.0, 0.5], "wheel_step [m]", "uwb_A1", "turn_step", values=values))
+    made = table.rates("wheel_step").rates("turn_step")
+    own = made.channels["table"]
+    assert own.signals == ("wheel_step [m/s]", "uwb_A1", "turn_step")
+    assert own.values[1].tolist() == pytest.approx([4.0, 6.0, 0.6])
+    assert own.values[:, 1].tolist() == [5.0, 6.0]
+    assert made.notes[-1] == "table: turn_step over the time since the row before, as was asked"
+    with pytest.raises(mn.LogError, match="it has no signal 'wheel'"):
+        table.rates("wheel")
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -107,6 +120,7 @@ def test_readings_of_several_beacons_are_told_apart() -> None:
         ({"readings": {"a": "speed"}}, "it has no signal 'speed'"),
         ({"readings": {"a": "wheels:speed"}}, "channel 'wheels' has no signal 'speed'"),
         ({"readings": {"a": "v"}}, "several signals are called 'v'; allowed: wheels:v, gps:v"),
+        ({"readings": {"a": ["wheels:v", "wheels:v"]}}, "a takes wheels:v twice; allowed: each signal once"),
         ({"readings": {"a": ["wheels:v", "gps:v"]}}, "which were not read at the same times"),
         ({"readings": {"a": "gps:odd"}}, "the unit of gps:odd [furlong] is not known"),
         ({"readings": {"a": "wheels:v"}, "units": {"gps:v": "parsec"}}, "units = {'gps:v': 'parsec'}; allowed"),

@@ -79,8 +79,9 @@ class FlightBeacons:
 
     @property
     def known(self) -> FlightBeacons | None:
-        """The beacons at known places alone, with what is read of them: of one there is no difference. None if nothing
-        is.
+        """The beacons at known places alone, with what is read of them; None if nothing is.
+
+        Of a single one there is no difference.
         """
         places = tuple(place for place in self.places if place is not None)
         read = tuple(kind for kind in self.read if kind != "range-differences" or len(places) > 1)

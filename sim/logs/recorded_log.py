@@ -144,11 +144,11 @@ class RecordedLog:
         return replace(self, channels={**self.channels, name: spread})
 
     def rates(self, name: str) -> RecordedLog:
-        """Return the log with the numbers of a channel, or of one signal, over the time since the row before: rates of
-        what is counted there. A note says which.
+        """Return the log with the numbers of a channel, or of a signal, over the time since the row before.
 
-        The first row, and one whose stamp is not later than that before, has NaN. Raises LogError for a channel or a
-        signal that does not exist, and for signals with a unit that is not of a length or an angle.
+        These are rates of what is counted there; a note says which. The first row, and one whose stamp is not later
+        than that before, has NaN. Raises LogError for a channel or a signal that does not exist, and for signals with a
+        unit that is not of a length or an angle.
         """
         places = self._places(name)
         channel, columns = places[0][0], [k for _, k in places]

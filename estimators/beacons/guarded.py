@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, cast
 
 from scipy.special import chdtri
 
@@ -53,10 +53,14 @@ class GuardedRobot(Guarded):
         self._separate = -math.inf  # [s] last time when a separation was in doubt
         super().__init__(made, witness, most_out=most_out, cost=_COST, rival=anywhere, pace=pace_of(mission))
 
+    @property
+    def _filter(self) -> DoubtingFilter:
+        """The filter next to which the monitor is now."""
+        return cast(DoubtingFilter, self.estimator)
+
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         estimate = super().update(t, measurements, command)
-        now: DoubtingFilter = self.estimator  # type: ignore[assignment]
-        witness = self._now.witness
+        now, witness = self._filter, self._now.witness
         assert isinstance(witness, RobotBeaconWitness)
         if self._state is Status.LOST and witness.calm >= _CALM:
             now.separate_again()
@@ -71,8 +75,7 @@ class GuardedRobot(Guarded):
         return replace(estimate, status=status, message=message)
 
     def _alarmed(self, stuck: frozenset[int], what: str, channel: int) -> None:
-        now: DoubtingFilter = self.estimator  # type: ignore[assignment]
-        if not stuck and now.mistrust():
+        if not stuck and self._filter.mistrust():
             self._now.witness.clear()
             self._quiet, self._snapshots, self._search = 0, [], None
             return

@@ -14,7 +14,7 @@ separation is the largest, and beyond chance, the filter of all goes on from it 
 do those without a beacon. The last one trusts it then, from x_0 and scale errors as declared on. Where it was not
 separate for ``lasts`` seconds, and its scale errors stayed as declared, twice in sequence, all go on from it: in a part
 of the first the odometry may yet have been wrong. One that refuses many readings in sequence has lost its way, and
-begins at x_0.
+begins at x_0. The level says nothing of a fault from before a filter has begun: it is part of the state then.
 """
 
 from __future__ import annotations

@@ -55,7 +55,6 @@ class RobotBeaconWitness(NumberTests):
             tuple(pace * each for each in _WINDOWS),
             0.0,  # the filter publishes none of the outliers that are declared
         )
-
         self.calm = 0
         """readings in sequence after which innovations passed their tests, whatever separations say"""
         self._hard = float(chdtri(3, self.windows.thresholds.alpha))

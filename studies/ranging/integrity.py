@@ -366,7 +366,7 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
 def figure(cells: Sequence[Cell]) -> Figure:
     """Draw three panels over the faults: sure and wrong, detection, recovery."""
     faults = [*dict.fromkeys(e.fault for e in cells)]
-    with styled_figure((12.0, 2.0 + 0.2 * len(faults)), ConstrainedLayoutEngine(w_pad=0.08)) as drawn:
+    with styled_figure((12.0, max(4.8, 2.0 + 0.2 * len(faults))), ConstrainedLayoutEngine(w_pad=0.08)) as drawn:
         wrong, detected, recovered = drawn.subplots(1, 3, sharey=True)
         for monitored, shift in ((False, 0.15), (True, -0.15)):
             bare = [100.0 * e.wrong(False) if e.without else math.nan for e in cells]

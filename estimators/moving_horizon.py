@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from mathnavi.estimators.stagewise.ranging import RangingModel
 
 _MOST = 16.0  # square of a residual that counts
+_LASTING = 10  # readings in a row that are off by more than chance allows
 HorizonMission = RangingMission | MissileMission | FlightMission | LagrangianMission
 
 
@@ -173,9 +174,12 @@ class MovingHorizonEstimator:
         horizon, lost = self._horizon, False
         self._count(t, measurements, command)
         gone = self._t is not None and t - self._t > max(FARTHEST, 100.0 * self.period)
-        if gone and self._model.restart():
+        astray = self._monitor is not None and self._monitor.in_a_row > _LASTING
+        if (gone or astray) and self._model.restart():
             horizon.forget()
             self._builder.restart()
+            if self._monitor is not None:
+                self._monitor.begin_again()
         self._t = t
         try:
             for stage in self._builder.add(t, measurements, command):

@@ -1,11 +1,11 @@
-"""The kernels of a run with beacons at known places, compiled before it (``sim.engine.compilation``)."""
+"""The kernels of a run with beacons at known places and its monitor, compiled before it (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 
 from numba.core import types
 
 from mathnavi.estimators.beacons.kernels import condition, merged, predict, separations
-from mathnavi.estimators.integrity import innovations_ahead
+from mathnavi.estimators.integrity import innovations_ahead, numbers_ahead
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, THREE, TWO, array
 
@@ -17,4 +17,5 @@ KERNELS: tuple[Signature, ...] = (
     (separations, (ONE, TWO, TWO, THREE, _NUMBER, _NUMBER, ONE, TWO)),
     (merged, (*_FILTERS, ONE, *(_NUMBER,) * 3)),
     *innovations_ahead.KERNELS,
+    *numbers_ahead.KERNELS,
 )

@@ -1,4 +1,4 @@
-"""The kernels of a run with beacons at unknown places, and of the monitor (``sim.engine.compilation``)."""
+"""The kernels of a run with beacons at unknown places (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from numba.core import types
 from mathnavi.estimators.beacons import ahead
 from mathnavi.estimators.beacons.batch_kernels import cost_of, moved, ray_costs, ring_costs, step, weighed
 from mathnavi.estimators.beacons.kernels import expected
-from mathnavi.estimators.integrity import numbers_ahead
 from mathnavi.interfaces.compiled import Signature
 from mathnavi.interfaces.kernel_types import ONE, TWO, combined
 
@@ -22,5 +21,4 @@ KERNELS: tuple[Signature, ...] = (
     (ring_costs, (TWO, TWO, ONE, ONE)),
     (ray_costs, (TWO, TWO, ONE, ONE)),
     *ahead.KERNELS,
-    *numbers_ahead.KERNELS,
 )

@@ -19,6 +19,7 @@ import numpy as np
 
 from mathnavi.estimators.beacons.certificate import BeaconCertificate, BeaconCertificateConfig, BeaconCertification
 from mathnavi.estimators.beacons.filter import BeaconBankConfig, BeaconFilter
+from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.ranging.pose_certificate import MOST_OTHERS
 from mathnavi.estimators.timeout_monitor import worst
 from mathnavi.interfaces.bounds import Positive, configuration
@@ -50,7 +51,7 @@ class BeaconCertified:
     Config = BeaconCertifiedConfig
 
     def __init__(self, config: BeaconCertifiedConfig, mission: BeaconMission) -> None:
-        self._bank = BeaconFilter(BeaconBankConfig(timeout=config.timeout), mission)
+        self._bank = BeaconFilter.build(BeaconBankConfig(timeout=config.timeout), mission)
         self._every = config.every
         self.period, self.figures = self._bank.period, self._bank.figures
         self._certificate = BeaconCertificate(config.certificate, mission)
@@ -92,6 +93,8 @@ class BeaconCertified:
         rad] within which of the estimate every pose was that explained them, NaN if it was not certified.
         """
         estimate = self._bank.update(t, measurements, command)
+        if isinstance(self._bank, Guarded):
+            measurements = self._bank.without(measurements, self._bank.left_out)
         self._certificate.note(t, measurements, command)
         if not estimate.status.usable:
             self._found, self._due = None, -math.inf

@@ -45,10 +45,12 @@ from mathnavi.estimators.beacons.flight_geometry import (
     plane_of,
 )
 from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, start_covariance, thrice
+from mathnavi.estimators.beacons.flight_separation import FlightSeparation
 from mathnavi.estimators.beacons.flight_side import Side
 from mathnavi.estimators.beacons.flight_witness import FIXES, UNREFERENCED, UNTRUSTED, BeaconWitness
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.guard import Guarded
+from mathnavi.estimators.integrity.innovations import LATCHED
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
@@ -72,6 +74,8 @@ _SURE = math.log(1e5)  # how much likelier one of two sides is, to be the only o
 _EVIDENCE = 0.25  # of it that the motion may tell in an instant: what a fault does passes
 _NO_SPARE = 3  # numbers, of which each is needed: then a fault of one is no less likely than the other side
 _RANGES_ENOUGH, _DIFFERENCES_ENOUGH = 3, 4  # that tell a place but for its mirror image
+_FALSE_ALARM, _HORIZON, _EACH = 1e-3, 60.0, 0.25  # in a time [s] in which each quarter of a gust's is a look
+_KNOWN = 0.25  # of the gusts' variance: the least that counts as explained of a gust
 _COST, _NUMBERS = 2e-4, 6  # [s] of an update, and numbers of an instant up to which that is so
 
 
@@ -87,7 +91,7 @@ class FlightBeaconFilter:
         self._bound = config.position_std_max**2
         interval = 1.0 / max(beacons.rate, mission.position_rate if config.fixes else 0.0)
         self._timeout = TimeoutMonitor(config.timeout, interval)
-        self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+        self._discrete: dict[float, tuple[Array, ...]] = {}
         self._now = Side(np.array([*mission.start, *np.zeros(6)]), thrice(start_covariance(config, mission)))
         self._other: Side | None = None  # on the other side of the plane of the beacons
         self._separation = 0.0  # D of it
@@ -102,13 +106,18 @@ class FlightBeaconFilter:
         self._arrived = dict.fromkeys(self._rows.slices, -math.inf)  # [s] of the last reading of each sensor
         self._nu = np.full((2, self._rows.size), np.nan)  # innovations of the last readings, and their deviations
         self._pending: dict[str, Array] = {}  # readings of beacons of the time of the state, not used yet
+        self._beside = FlightSeparation(
+            self._rows, _OUTLIER, self._fix_variance if config.fixes else None, mission.speed_max, self._model.gust_rms
+        )
+        self._beside.begin(self._now.x, self._now.P)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (6,) [m, m/s] at t [s]; ``command`` (3,) [m/s^2] was held since the last call.
 
         ``extra["gust"]`` (3,) [m/s^2] is the estimated gust; ``extra["innovations"]`` (m,) are those of the numbers
         read since the last call, in the order of ``BeaconRows`` [m, rad], NaN where there was none, with the standard
-        deviations ``extra["innovation_std"]`` (m,).
+        deviations ``extra["innovation_std"]`` (m,); ``extra["protection"]`` (2,) [m], [m/s] is the protection level of
+        position and velocity (``flight_separation``).
         """
         self._nu[:] = np.nan
         for reading in measurements:
@@ -159,10 +168,12 @@ class FlightBeaconFilter:
         key = round(h, 10)
         if key not in self._discrete:
             F, B, Q = self._model.discretised(h)
-            self._discrete[key] = thrice(F), B, thrice(Q)
-        F, B, Q = self._discrete[key]
+            self._discrete[key] = np.ascontiguousarray(F), B, Q, thrice(F), thrice(Q)
+        F, B, Q, F_all, Q_all = self._discrete[key]
+        effect = np.outer(B, command).ravel()
         for side in self._sides():
-            side.predict(F, np.outer(B, command).ravel(), Q)
+            side.predict(F_all, effect, Q_all)
+        self._beside.predict(F, effect, Q)
         self._t = t
 
     def _sides(self) -> tuple[Side, ...]:
@@ -179,6 +190,7 @@ class FlightBeaconFilter:
         good = np.flatnonzero(np.isfinite(value))
         if not len(good):
             return
+        self._beside.condition(value, beacons=beacons)
         if beacons and self._is_lost():
             self._find(t, value, good[(self._rows.kinds[good] != DIFFERENCE) | (common < UNTRUSTED)])
             return
@@ -196,6 +208,7 @@ class FlightBeaconFilter:
         self._refused = self._refused + 1 if 2 * refused.sum() > len(good) else 0
         if self._refused > _LASTING:  # the filter is wrong
             self._now.P *= max(squares)
+            self._beside.begin_again(self._now.x)
             self._refused, self._other = 0, None
         if not refused.all():
             self._timeout.note(t, agrees=fits)
@@ -271,6 +284,7 @@ class FlightBeaconFilter:
         kept[:, :3] -= K
         P = kept @ P @ kept.T + K @ R @ K.T
         self._now = Side(x + K @ (p - x[:3]), 0.5 * (P + P.T))
+        self._beside.begin_again(self._now.x)
         self._heard[good], self._covers_both, self._wide = t, False, False
         self._timeout.note(t)
         self._timeout.restart(t)
@@ -333,10 +347,13 @@ class FlightBeaconFilter:
             d = self._other.x[:6] - x[:6]
             P += np.outer(d, d) * (1.0 / (1.0 + math.exp(self._likelier)) if self._are_apart() else 0.5)
         status, message = self._status(t, P)
+        heard = np.flatnonzero(self._heard >= t - self._timeout.longest)
+        level = self._beside.judge(x, P, heard=heard).copy()
         extra: Mapping[str, Array] = {
             "gust": x[6:].copy(),
             "innovations": self._nu[0].copy(),
             "innovation_std": self._nu[1].copy(),
+            "protection": np.full(2, math.inf) if self._are_apart() or status is Status.LOST else level,
             **self._counts.extra,
         }
         return Estimate(t, x[:6].copy(), P, status, extra, message)
@@ -363,6 +380,10 @@ class GuardedFlight(Guarded):
     What disagreed once, and agrees again, says nothing where each reading is needed: the filter has followed a beacon
     at fault. There an alarm is remembered until there are readings to spare, more than three numbers, and a leap of the
     readings is one: nothing else tells of a fault that the filter follows.
+
+    An alarm that no beacon explains may be of all readings, which are late for one, and of these the filter follows too:
+    for 20 s the estimate is DEGRADED then, as one with a single sensor is (``integrity.innovations``). So it is where
+    the estimated gust is larger than gusts are that were declared: g' (s^2 I - P_gg)^-1 g is chi-squared while they are as declared.
     """
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
@@ -373,6 +394,10 @@ class GuardedFlight(Guarded):
         self._alarm, self._timeout, self._fixed = False, config.timeout, -math.inf
         self._heard_at = np.full(rows.size, -math.inf)  # [s]
         self._fixes = config.fixes
+        self._variance = axis_model(config, mission).gust_rms ** 2
+        looks = _HORIZON / (_EACH * mission.gust.time_constant)
+        self._largest = float(chdtri(3, _FALSE_ALARM / looks))
+        self._doubted, self._doubt = -math.inf, ""  # [s] last time when an alarm had no explanation, and why
 
     @property
     def _tests(self) -> BeaconWitness:
@@ -389,13 +414,30 @@ class GuardedFlight(Guarded):
         numbers = int((self._heard_at >= t - self._timeout).sum()) + 3 * (self._fixed >= t - self._timeout)
         spare = numbers > _NO_SPARE
         self._alarm = self._alarm or float(extra["integrity"][0]) > 1.0 or (not spare and self._tests.leap > 1.0)
-        if not self._alarm or estimate.status is not Status.OK:
+        if self._state is Status.LOST:
+            self._doubted, self._doubt = t, "disagreed with its readings, and no beacon at fault explains that"
+        elif self._gust > self._largest:
+            self._doubted, self._doubt = t, "finds a gust that is larger than declared"
+        if estimate.status is not Status.OK:
             return estimate
-        if spare:
-            self._alarm = False
-            return estimate
-        message = "disagreed with a beacon, and has none to spare that would tell which"
-        return replace(estimate, status=Status.DEGRADED, message=message)
+        message = self._doubt if t - self._doubted < LATCHED - TIME_TOLERANCE else ""
+        if self._alarm and not spare:
+            message = "disagreed with a beacon, and has none to spare that would tell which"
+        self._alarm = self._alarm and not spare
+        return replace(estimate, status=Status.DEGRADED, message=message) if message else estimate
+
+    @property
+    def _gust(self) -> float:
+        """g' (s^2 I - P_gg)^-1 g of the estimated gust, with eigenvalues of a share of s^2 at least."""
+        flight = self.estimator
+        assert isinstance(flight, FlightBeaconFilter)
+        moments = flight.moments
+        if moments is None:
+            return 0.0
+        x, P = moments
+        values, axes = np.linalg.eigh(self._variance * _I3 - P[6:, 6:])
+        along = axes.T @ x[6:]
+        return float((along * along / np.maximum(values, _KNOWN * self._variance)).sum())
 
 
 def guarded(config: KalmanConfig, mission: FlightMission) -> Guarded:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
@@ -31,6 +31,7 @@ from mathnavi.estimators.integrity.guard import alone
 from mathnavi.interfaces.errors import MissionError
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.reading_counts import COUNTS, Unused
+from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Integers, Measurement, Status
 from mathnavi.models.aerial.beacon_readings import AZIMUTH, DIFFERENCE, LEAST_ANGLE, RANGE, BeaconRows
 from mathnavi.models.aerial.beacons import FlightBeacons
@@ -69,6 +70,9 @@ class PlacedFlight:
         self._known = tuple(i for i in range(n) if i not in self._unknown)
         self._channels = np.append(self._known, np.arange(n, n + 3 * self._fixes)).astype(np.int64)
         self._rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
+        names = [*beacons.names(), *(f"fix {axis}" for axis in "xyz" if config.fixes)]
+        self.figures: Mapping[str, tuple[str, ...]] = {**figure_names(carrier), "left_out": tuple(names)}
+        """names of the numbers of further figures of an estimate"""
         self._given = _values_of_known(beacons)
         starts = {name: rows.slices[name].start for name in self._given}
         self._numbers = np.array(  # rows that the carrier reads, in its order
@@ -241,6 +245,9 @@ class PlacedFlight:
             message = f"flies by beacons at places that it has found, which nothing else confirms: {message}"
         extra["gust"] = joint.x[6:9].copy()
         x, P = joint.x[:6].copy(), joint.P[:6, :6].copy()
+        if "protection" in extra:  # of the carrier, from which this differs
+            d = (x - estimate.x).reshape(2, 3)
+            extra["protection"] = extra["protection"] + np.linalg.norm(d, axis=1)
         return replace(estimate, x=x, covariance=P, status=status, extra=extra, message=message)
 
     def _is_carried(self, t: float, joint: JointFlight) -> bool:

@@ -63,6 +63,7 @@ class BeaconWitness(NumberTests):
         if not is_plausible(after):
             self._worst = Worst(math.inf, IMPOSSIBLE, -1)
             return self._worst
+        self._level = after.extra["protection"].copy()
         known = before is not None and before.covariance is not None and after.t > before.t
         y, t = self._newest(measurements) if known else (self._nothing, after.t)
         read = np.isfinite(y)

@@ -27,7 +27,7 @@ is at fault (``pose_protection``).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +39,7 @@ from mathnavi.estimators.integrity.witness import Recovery, Restart, Witness, is
 from mathnavi.estimators.timeout_monitor import worst
 from mathnavi.interfaces.protocols import Estimator
 from mathnavi.interfaces.reading_counts import COUNTS, Unused
+from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 
 _SNAPSHOT = 0.5  # [s] between copies of the estimator
@@ -135,6 +136,11 @@ class Guarded:
     def estimator(self) -> Estimator:
         """The estimator next to which the monitor is now."""
         return self._now.estimator
+
+    @property
+    def figures(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the numbers of further figures of an estimate: those of the estimator, and of the channels."""
+        return {**figure_names(self.estimator), "left_out": tuple(self._now.witness.names)}
 
     @property
     def left_out(self) -> frozenset[int]:

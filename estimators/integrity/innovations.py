@@ -26,7 +26,9 @@ from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _WINDOWS = (0.5, 2.0, 5.0, 20.0)  # [s]
-_LATCHED, _FOUND = 20.0, 5.0  # [s] without an alarm until the estimate is OK again, and until it is no longer lost
+LATCHED = 20.0
+"""[s] without an alarm until an estimate is OK again whose alarm nothing explains"""
+_FOUND = 5.0  # [s] likewise, until it is no longer lost
 _GAP = 2.1  # intervals between two readings, of which one is missing, with some jitter
 _CHANCE, _IN_A_ROW = 1e-9, 4
 _WORDS = {MEAN: "their mean", ENERGY: "their spread"}
@@ -38,12 +40,14 @@ class InnovationMonitor:
     def __init__(self, what: str, components: int, interval: float) -> None:
         """``what`` names the readings, which come every ``interval`` [s]."""
         self._what, self._m = what, components
-        self._thresholds = Thresholds.of(components, interval, _WINDOWS, further=1)
-        self._windows = Windows(self._thresholds, components)
+        self.thresholds = Thresholds.of(components, interval, _WINDOWS, further=1)
+        """thresholds of its tests"""
+        self._windows = Windows(self.thresholds, components)
         self._every = np.ones(components, dtype=bool)
         self._outlier = float(chdtri(components, _CHANCE))
-        self._chances = chances(int(self._thresholds.lengths[-1]) * components)
-        self._far = 0  # readings in a row that are off
+        self._chances = chances(int(self.thresholds.lengths[-1]) * components)
+        self.in_a_row = 0
+        """readings in a row that are off by more than chance allows"""
         self._alarmed = self._lost = -math.inf  # [s] last time, later by the gaps since
         self._interval, self._t = interval, -math.inf  # [s] between readings; [s] of the newest
         self.inflation = 1.0
@@ -67,27 +71,27 @@ class InnovationMonitor:
             self.message = "is not finite, or its covariance is none"
             return
         self._windows.add(nu / np.sqrt(S.diagonal()), white)
-        self._far = self._far + 1 if float(white @ white) > self._outlier else 0
+        self.in_a_row = self.in_a_row + 1 if float(white @ white) > self._outlier else 0
         worst = self._windows.worst(self._every)
         self.ratio = worst.ratio
-        if self._far >= _IN_A_ROW:
+        if self.in_a_row >= _IN_A_ROW:
             self._lost = self._alarmed = t
-            self.message = f"disagrees with {self._far} {self._what} in a row"
+            self.message = f"disagrees with {self.in_a_row} {self._what} in a row"
         elif worst.ratio > 1.0:
             self._alarmed = t
             self.message = f"disagrees with its {self._what}: {_WORDS.get(worst.test, 'all together')}"
         windows, joint, own = self._windows, (3 * self._m, 3 * self._m + 1), float(np.trace(R))
         by_motion = max(float(np.trace(S)) - own, 0.0)
         found = factor_of(
-            windows.sums, windows.k, joint, self._thresholds.lengths, windows.kappa, *self._chances, by_motion, own
+            windows.sums, windows.k, joint, self.thresholds.lengths, windows.kappa, *self._chances, by_motion, own
         )
-        self.inflation = max(found, self.inflation) if t - self._alarmed < _LATCHED else found
+        self.inflation = max(found, self.inflation) if t - self._alarmed < LATCHED else found
 
     def note_state(self, t: float, square: float, what: str) -> None:
         """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with
         V = cov(x^).
         """
-        ratio = square / float(self._thresholds.energy[self._m])
+        ratio = square / float(self.thresholds.energy[self._m])
         if ratio > 1.0:
             self._alarmed = t
             self.message = f"finds {what} that is larger than declared"
@@ -96,14 +100,14 @@ class InnovationMonitor:
     def begin_again(self) -> None:
         """Forget the innovations of an estimate that has begun again; what it was found to be stays."""
         self._windows.clear()
-        self._far, self.inflation = 0, 1.0
+        self.in_a_row, self.inflation = 0, 1.0
 
     def status(self, t: float) -> Status:
         """Status at t [s] as far as the readings agree with the estimate."""
         t = min(t, self._t + self._interval)
         if t - self._lost < _FOUND - TIME_TOLERANCE:
             return Status.LOST
-        if t - self._alarmed < _LATCHED - TIME_TOLERANCE:
+        if t - self._alarmed < LATCHED - TIME_TOLERANCE:
             return Status.DEGRADED
         self.message = ""
         return Status.OK

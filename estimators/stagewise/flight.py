@@ -33,6 +33,7 @@ class FlightModel:
         """``P`` (3, 3) is the covariance of (p, v, g) on one axis at the start."""
         self._mission, self._axis, self._P = mission, axis, P
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+        self._is_known = True  # False while the next reading is where it begins
 
     @staticmethod
     def from_config(config: KalmanConfig, mission: FlightMission) -> FlightModel:
@@ -53,9 +54,15 @@ class FlightModel:
         axis = AxisModel(rms, mission.gust.time_constant, mission.position_noise)
         return FlightModel(mission, axis, np.diag([0.0, 0.0, rms**2]))
 
-    def start(self, reading: Array | None) -> tuple[Array, Array]:
-        P: Array = np.asarray(np.kron(self._P, _EYE), np.float64)
-        return np.concatenate([self._mission.start, np.zeros(6)]), P
+    def start(self, reading: Array | None) -> tuple[Array, Array] | None:
+        if self._is_known:
+            P: Array = np.asarray(np.kron(self._P, _EYE), np.float64)
+            return np.concatenate([self._mission.start, np.zeros(6)]), P
+        if reading is None:
+            return None
+        self._is_known = True
+        deviations = (self._axis.fix_std, self._mission.speed_max, self._axis.gust_rms)
+        return np.concatenate([reading, np.zeros(6)]), np.diag(np.square(np.repeat(deviations, 3)))
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         return ((end - begin, command.copy()),)
@@ -67,7 +74,8 @@ class FlightModel:
         return refused(measurement, "position")
 
     def restart(self) -> bool:
-        return False
+        self._is_known = False
+        return True
 
     def transition(self, x: Array, u: Array, h: float) -> tuple[Array, Array, Array]:
         key = round(h, 10)

@@ -17,6 +17,7 @@ from mathnavi.estimators.stagewise.verdict import Sample, Verdict, contradiction
 from mathnavi.interfaces.bounds import Probability, configuration
 from mathnavi.interfaces.errors import ArgumentError, FieldError
 from mathnavi.interfaces.protocols import Estimator, Sensor
+from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -48,6 +49,7 @@ class RecordedSmoother:
         whose monitor says what is left out; None for a run without.
         """
         self.period, self._recorded = period, recorded
+        self._channels = figure_names(recorded).get("left_out", ())  # names of what the filter can leave out
         self._verdict = Verdict(None, ())
         self._longest = max(timeout, 2.0 * period) + TIME_TOLERANCE
         self._read = np.empty(0)  # (k,) [s] times with readings
@@ -58,7 +60,7 @@ class RecordedSmoother:
     def figures(self) -> Mapping[str, tuple[str, ...]]:
         """Names of the further figures of its estimates."""
         named: Mapping[str, tuple[str, ...]] = getattr(self._model, "figures", {})
-        return named
+        return {**named, "left_out": self._channels} if self._channels else named
 
     def smooth(self, samples: Iterable[Sample]) -> None:
         """Smooth a run.

@@ -34,6 +34,7 @@ from mathnavi.interfaces.boundary import (
     usable_plan,
 )
 from mathnavi.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
+from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import (
     Array,
     Estimate,
@@ -120,6 +121,7 @@ class AgentRunner:
         agent = self.agent
         parts = {"estimator": agent.estimator, "planner": agent.planner, "tracker": agent.tracker}
         self.unused_readings = UnusedReadings(agent.sensors)
+        self.record.figures = figure_names(agent.estimator)
         self.monitor = getattr(agent.planner, "monitor", None)
         self.commanded = getattr(agent.planner, "commanded", None)
         self.without_plan = getattr(agent.tracker, "without_plan", False) is True

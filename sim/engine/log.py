@@ -19,11 +19,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mathnavi.interfaces.protocols import Plant, PlantWithActivations, PlantWithSignalNames
-from mathnavi.interfaces.signal_names import SignalNames
+from mathnavi.interfaces.signal_names import SignalNames, name_and_unit
 from mathnavi.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status, status_text
 from mathnavi.sim.engine.answer_times import AnswerTimes
 
 DEVIATION = "estimate.deviation"  # name of the standard deviations of an estimate
+LEFT_OUT = "left_out"  # name of what says, in an estimate, which channels it leaves out
 
 
 @dataclass
@@ -41,6 +42,7 @@ class AgentRecorder:
     solve_ms: list[float] = field(default_factory=list)
     answer_times: dict[str, AnswerTimes] = field(default_factory=dict)  # by component
     delays: list[float] = field(default_factory=list)  # [s] of each request, if plans take simulated time
+    figures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # names in an estimate's further figures
 
     def event(self, t: float, kind: str, message: str = "") -> None:
         self.events.append(Event(t, self.name, kind, message))
@@ -51,12 +53,27 @@ class AgentRecorder:
             self.readings[reading.name][k] = reading.value
 
     def estimate(self, estimate: Estimate) -> None:
-        """Record an estimate, and an event if its status changes."""
+        """Record an estimate, and events if its status or what it leaves out changes."""
         before = self.estimates[-1].status if self.estimates else Status.OK
         if before is not estimate.status:
             text = f"{estimate.status.name.lower()}: {status_text(estimate)}"
             self.event(estimate.t, "estimator-status", text)
+        left_out = self._left_out(estimate)
+        was = self._left_out(self.estimates[-1]) if self.estimates else frozenset()
+        for text, names in (("leaves out {}", left_out - was), ("uses {} again", was - left_out)):
+            if names:
+                self.event(estimate.t, "sensor-left-out", text.format(", ".join(sorted(names))))
         self.estimates.append(estimate)
+
+    def _left_out(self, estimate: Estimate) -> frozenset[str]:
+        """Names of the channels that an estimate leaves out."""
+        out = estimate.extra.get(LEFT_OUT)
+        if out is None or not out.any():
+            return frozenset()
+        names = self.figures.get(LEFT_OUT, ())
+        if len(names) != len(out):
+            return frozenset(f"channel {i}" for i in np.flatnonzero(out).tolist())
+        return frozenset(name_and_unit(names[i])[0] for i in np.flatnonzero(out).tolist())
 
     def asked(self, plan: Plan) -> None:
         """Count a request for a plan, and its answer."""

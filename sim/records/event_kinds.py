@@ -43,6 +43,7 @@ ROUTINE: dict[str, str] = {  # what the loop is made for: plans that are dropped
     "arrival-regained": "A plan leads to the target again.",
     "arrival-unknown": "How late the vehicle can be there is not known yet.",
     "deadline-moved": "The target has moved, and the deadline with it.",
+    "sensor-left-out": "The estimator leaves out a sensor that is at fault, or uses one again.",
     "sensor-unused": "The estimator makes no use of readings that there are.",
     "input-clipped": "A command was larger than the actuator allows, and was cut to that.",
     "late": "A plan came after the time at which it was to begin, and was dropped.",
@@ -57,8 +58,8 @@ ROUTINE: dict[str, str] = {  # what the loop is made for: plans that are dropped
 }  # fmt: skip
 
 OF_ESTIMATORS = (
-    "estimator-status", "estimate-unusable", "estimate-names", "sensor-unused", "estimate-recovered",
-    "estimate-diverged",
+    "estimator-status", "estimate-unusable", "estimate-names", "sensor-left-out", "sensor-unused",
+    "estimate-recovered", "estimate-diverged",
 )  # fmt: skip
 """kinds that the estimator of a run causes; all others happen to the vehicle, its planner, tracker or coordinator"""
 

@@ -186,6 +186,11 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     faults: SafeFlightFaults = field(default_factory=SafeFlightFaults)
     beacons: FlightBeaconFields = field(default_factory=FlightBeaconFields)
 
+    @property
+    def kernels(self) -> str | None:
+        """List of what is compiled before the first run among beacons."""
+        return "mathnavi.estimators.beacons.flight_ahead" if self.beacons.places else None
+
     def __post_init__(self) -> None:
         super().__post_init__()
         check_target_path(self.target_path)

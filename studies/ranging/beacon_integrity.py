@@ -12,18 +12,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chndtr, ndtr
+from scipy.special import chndtr
 
 from mathnavi.estimators.beacons.filter import BeaconBankConfig, BeaconFilter
 from mathnavi.estimators.beacons.separation import WRONG
 from mathnavi.estimators.beacons.witness import RobotBeaconWitness
 from mathnavi.estimators.integrity.guard import alone
-from mathnavi.estimators.integrity.windows import FEWEST, Flags
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.beacon_names import RANGES
 from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality, exact_readings
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality
-from mathnavi.studies.ranging.integrity_detection import LARGER, LIKELY, windowed
+from mathnavi.studies.ranging.integrity_detection import LARGER, by_windows, from_onset
 from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, Watched, judged
 
 ESTIMATOR = "beacon_bank"
@@ -211,22 +211,7 @@ def findable(mission: BeaconMission, drive: BeaconDrive, during: slice, spread: 
         extra = estimator.update(*update).extra
         e[k] = extra["innovations"] / extra["innovation_std"]
         separation[k] = extra["separation"].max()
-    read = np.isfinite(e)
-    e = np.where(read, e, 0.0)
     rho = np.ones(n)
     rho[during] = spread if spread > LARGER else 1.0
-    chance = 1.0 - chndtr(WRONG, 3, separation)
-    for length in known.lengths.tolist():
-        sums, squares, count = (windowed(each, length) for each in (e, e**2, read.astype(np.float64)))
-        factor = windowed(rho, length) / np.minimum(np.arange(1, n + 1), length)
-        asked = np.maximum(count, 1.0)
-        mean = ndtr(np.abs(sums) / np.sqrt(asked) - known.z)
-        limit = known.energy[count.astype(int)] / factor[:, None]
-        energy = 1.0 - chndtr(limit, asked, squares / factor[:, None])
-        chance = np.maximum(chance, np.where(count >= FEWEST, np.maximum(mean, energy), 0.0).max(axis=1))
-        all_, total = squares.sum(axis=1) / factor, count.sum(axis=1)
-        joint = 1.0 - chndtr(known.energy[total.astype(int)] / factor, np.maximum(total, 1.0), all_)
-        chance = np.maximum(chance, np.where(total >= FEWEST, joint, 0.0))
-    chance[: during.start] = 0.0
-    found: Flags = np.logical_or.accumulate(chance >= LIKELY)
-    return found
+    chance = np.maximum(1.0 - chndtr(WRONG, 3, separation), by_windows(e, rho, known))
+    return from_onset(chance, during.start)

@@ -1,9 +1,9 @@
-"""Integrity: how long is an estimator of a pose sure of a wrong one while its sensors fail?
+"""Integrity: how long is an estimator sure of a wrong pose, or of a wrong flight, while its sensors fail?
 
 A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
-(``beacon_integrity``).
+(``beacon_integrity``), and a point mass flies by fixes and among beacons (``flight_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -36,7 +36,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
-from mathnavi.studies.ranging import beacon_integrity
+from mathnavi.studies.ranging import beacon_integrity, flight_integrity
 from mathnavi.studies.ranging.integrity_detection import findable
 from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, Watched, judged
 
@@ -66,9 +66,8 @@ FINDING = ("feasible_set_bank", "range_certified")  # estimators that are not to
 ESTIMATORS = (
     "range_ekf", "feasible_set_bank", "range_ukf", "range_iekf", "range_certified", "moving_horizon", "range_particle",
 )  # fmt: skip
-ALL = (*ESTIMATORS, beacon_integrity.ESTIMATOR)
+ALL = (*ESTIMATORS, beacon_integrity.ESTIMATOR, *flight_integrity.ESTIMATORS)
 MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
-MOST_LATER = beacon_integrity.DURATION - beacon_integrity.END  # [s]
 COLOURS = {True: "#0d5fa8", False: "#c2183b"}
 
 
@@ -184,16 +183,22 @@ class IntegrityConfig:
     """number of estimators"""
 
 
-def _faults(estimator: str) -> Iterable[str]:
-    return beacon_integrity.FAULTS if estimator == beacon_integrity.ESTIMATOR else FAULTS
+def _part(estimator: str) -> tuple[str, Iterable[str], Callable[[Watched], Outcome]]:
+    """Where an estimator is tried, for titles, its faults, and the job of a run."""
+    if estimator == beacon_integrity.ESTIMATOR:
+        return ", a robot among beacons", beacon_integrity.FAULTS, beacon_integrity.watched
+    if estimator in flight_integrity.ESTIMATORS:
+        where = f", a flight by {estimator.split(', ')[1]}"
+        return where, flight_integrity.faults_of(estimator), flight_integrity.watched
+    return "", FAULTS, watched
 
 
 class Integrity:
-    """Estimators of a pose while their sensors fail (Paper C)."""
+    """Estimators of poses and flights while their sensors fail (Papers A and C)."""
 
     Config = IntegrityConfig
     quick = IntegrityConfig(seeds=1, alone=1, faults=3, estimators=2)
-    title = "Sensors that fail: no estimator of a pose is sure and wrong"
+    title = "Sensors that fail: no estimator is sure and wrong"
     on_terrain = False
 
     @staticmethod
@@ -202,10 +207,10 @@ class Integrity:
         asked = [
             (estimator, fault)
             for estimator in ALL[: config.estimators]
-            for fault in [*_faults(estimator)][: config.faults]
+            for fault in [*_part(estimator)[1]][: config.faults]
         ]
         for estimator, fault in asked:
-            job = beacon_integrity.watched if estimator == beacon_integrity.ESTIMATOR else watched
+            job = _part(estimator)[2]
             for seed in range(FIRST_SEED, FIRST_SEED + config.seeds):
                 for monitored in (True, False)[: 1 + (seed < FIRST_SEED + config.alone)]:
                     run = Watched(estimator, fault, seed, monitored)
@@ -215,7 +220,7 @@ class Integrity:
             for run, (done,) in jobs.done(setup).items()
         ]
         cells = [Cell(estimator, fault, rows) for estimator, fault in asked]
-        among = [cell for cell in cells if cell.estimator == beacon_integrity.ESTIMATOR]
+        places = dict.fromkeys(_part(cell.estimator)[0] for cell in cells)
         return StudyResult(
             summary=(
                 f"{config.seeds} drives of {DURATION:g} s each, the fault from {ONSET:g} to {END:g} s (the robot is "
@@ -226,13 +231,18 @@ class Integrity:
                 f"{len(beacon_integrity.PLACES)} beacons, one of which is read every "
                 f"{beacon_integrity.EVERY * beacon_integrity.PERIOD:g} s with a deviation of "
                 f"{beacon_integrity.NOISE:g} m, the fault from {beacon_integrity.ONSET:g} to "
-                f"{beacon_integrity.END:g} s. The first {min(config.alone, config.seeds)} drives are also "
-                "run without the monitor.",
+                f"{beacon_integrity.END:g} s. Flights of {flight_integrity.DURATION:g} s under gusts of "
+                f"{flight_integrity.GUSTS.rms:g} m/s^2 read fixes of {flight_integrity.FIX_NOISE:g} m, or ranges of "
+                f"{flight_integrity.RANGE_NOISE:g} m to {len(flight_integrity.PLACES)} beacons, ten times a second, the "
+                f"fault from {flight_integrity.ONSET:g} to {flight_integrity.END:g} s; by fixes alone there is no "
+                f"protection level. The first {min(config.alone, config.seeds)} runs of each are also made without the "
+                "monitor.",
             ),
             rows=rows,
             tables=(
-                *tables([cell for cell in cells if cell not in among]),
-                *(tables(among, ", among beacons") if among else ()),
+                each
+                for where in places
+                for each in tables([cell for cell in cells if _part(cell.estimator)[0] == where], where)
             ),
             figure=figure(cells),
             caption="Each dot is an estimator under a fault: (a) share of the time from the fault on in which it is "
@@ -252,9 +262,9 @@ class Cell:
         self.with_, self.without = ([row for row in chosen if row["monitored"] is each] for each in (True, False))
 
     def wrong(self, monitored: bool = True) -> float:
-        """The larger share, of position and of heading, that is sure and wrong."""
+        """The larger share, of position and of heading or velocity, that is sure and wrong."""
         rows = self.with_ if monitored else self.without
-        return max(float(np.mean([row[name] for row in rows])) for name in ("position", "heading"))
+        return max(float(np.mean([row[name] for row in rows])) for name in ("position", "rest"))
 
     @property
     def judged(self) -> float:
@@ -339,7 +349,7 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
     named = "; ".join(f"{e.name}: {e.judged:.1%}" for e in wrong)
     return [
         Claim(
-            "integrity.sure-and-wrong", "target", "An estimator of a pose whose sensors fail is not sure and wrong.",
+            "integrity.sure-and-wrong", "target", "An estimator whose sensors fail is not sure and wrong.",
             "C.4", "OK with an error above three deviations for more than a second once the fault can be found, beyond "
             f"the protection level before: <= {MOST_WRONG:.1%} of the time from the fault on, for each estimator and "
             "fault",
@@ -355,7 +365,9 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
         ),
         Claim(
             "integrity.recovers", "target", "An estimator is right again once its sensors are.", "C.4",
-            f"OK and right for good within {DURATION - END:g} s, among beacons {MOST_LATER:g} s: "
+            f"OK and right for good within {DURATION - END:g} s, among beacons "
+            f"{beacon_integrity.DURATION - beacon_integrity.END:g} s, in flight "
+            f"{flight_integrity.DURATION - flight_integrity.END:g} s: "
             f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault",
             f"{len(cells) - len(lost)} of {len(cells)}"
             + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,

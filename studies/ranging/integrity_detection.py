@@ -24,7 +24,7 @@ from scipy.special import chndtr, ndtr
 from mathnavi.estimators.integrity.pose_kernels import AGE, begin_branch, no_branches, reckoned
 from mathnavi.estimators.integrity.pose_protection import no_responses
 from mathnavi.estimators.integrity.ranging import PoseWitness
-from mathnavi.estimators.integrity.windows import Flags
+from mathnavi.estimators.integrity.windows import FEWEST, Flags, Thresholds
 from mathnavi.estimators.ranging.pose_filter import RangeEkf
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.unicycle.mission import RangingMission
@@ -58,9 +58,7 @@ def findable(mission: RangingMission, updates: Sequence[Update], during: slice, 
         whole = scale.mean(axis=1)
         together = 1.0 - chndtr(energy[count * l] / whole, count * l, all_ / whole)
         chance = np.maximum(chance, np.maximum(each.max(axis=1), together))
-    chance[: during.start] = 0.0
-    found: Flags = np.logical_or.accumulate(chance >= LIKELY)
-    return found
+    return from_onset(chance, during.start)
 
 
 def windowed(values: Array, length: int) -> Array:
@@ -68,6 +66,33 @@ def windowed(values: Array, length: int) -> Array:
     total = np.cumsum(values, axis=0)
     total[length:] -= total[:-length].copy()
     return total
+
+
+def by_windows(e: Array, rho: Array, thresholds: Thresholds) -> Array:
+    """The largest P (n,) by the windows, of shifts e (n, l) of normalised innovations, NaN where nothing is read, and
+    their variance rho (n,) over the declared one.
+    """
+    read = np.isfinite(e)
+    e = np.where(read, e, 0.0)
+    chance: Array = np.zeros(len(e))
+    for length in thresholds.lengths.tolist():
+        sums, squares, count = (windowed(each, length) for each in (e, e**2, read.astype(np.float64)))
+        factor = windowed(rho, length) / np.minimum(np.arange(1, len(e) + 1), length)
+        asked = np.maximum(count, 1.0)
+        mean = ndtr(np.abs(sums) / np.sqrt(asked) - thresholds.z)
+        limit = thresholds.energy[count.astype(int)] / factor[:, None]
+        energy = 1.0 - chndtr(limit, asked, squares / factor[:, None])
+        chance = np.maximum(chance, np.where(count >= FEWEST, np.maximum(mean, energy), 0.0).max(axis=1))
+        all_, total = squares.sum(axis=1) / factor, count.sum(axis=1)
+        joint = 1.0 - chndtr(thresholds.energy[total.astype(int)] / factor, np.maximum(total, 1.0), all_)
+        chance = np.maximum(chance, np.where(total >= FEWEST, joint, 0.0))
+    return chance
+
+
+def from_onset(chance: Array, onset: int) -> Flags:
+    """True (n,) from the first update at or after ``onset`` on at which a fault is LIKELY found by P (n,)."""
+    found: Flags = np.logical_or.accumulate((chance >= LIKELY) & (np.arange(len(chance)) >= onset))
+    return found
 
 
 def _shifts(mission: RangingMission, updates: Sequence[Update]) -> tuple[Array, Array, Array, PoseWitness]:

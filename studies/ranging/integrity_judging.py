@@ -10,7 +10,7 @@ import numpy as np
 
 from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.signals import Array, Estimate, Status
-from mathnavi.sim.metrics.sure_and_wrong import LASTING, lasting, sure_and_wrong
+from mathnavi.sim.metrics.sure_and_wrong import LASTING, POSE, lasting, sure_and_wrong
 
 
 @dataclass(frozen=True)
@@ -38,32 +38,40 @@ class Outcome:
     """Result of a run."""
 
     position: float  # share of the time from the fault on in which it is sure and wrong
-    heading: float
+    rest: float  # likewise, of the heading, or of the velocity of a flight
     false: float  # share of the time before the fault in which it is not OK, from 3 s on
     detected: float  # [s] from the fault until it is not OK; NaN if it always is
     recovered: float  # [s] from the end of the fault until it is OK and right for good; NaN if it never is
     judged: float  # share of the time from the fault on in which it is sure and wrong, or beyond its protection level
+    # while the fault cannot be found yet; one that publishes no level promises nothing then
     kept: float  # share of the time from the fault on, while it is OK, in which the error is within the level
     level: float  # [m] median of the level of the position in that time
     findable: float  # [s] from the fault until it can be found; NaN if it never can
 
 
 def judged(
-    estimates: Sequence[Estimate], truth: Array, found: Flags, timing: Timing, *, persists: bool = False
+    estimates: Sequence[Estimate],
+    truth: Array,
+    found: Flags,
+    timing: Timing,
+    *,
+    persists: bool = False,
+    blocks: tuple[slice, slice] = POSE,
 ) -> Outcome:
-    """Judge the estimates of a run by the truth (n, 3); ``found`` (n,) says from when on the fault can be found. One
-    recovers from a fault that ``persists`` while it does.
+    """Judge the estimates of a run by the truth (n, d) of poses, or of what the ``blocks`` are; ``found`` (n,) says
+    from when on the fault can be found. One recovers from a fault that ``persists`` while it does.
     """
     period = timing.period
     ok = np.array([each.status is Status.OK for each in estimates])
     difference = np.array([each.x for each in estimates]) - truth
-    difference[:, 2] -= 2.0 * math.pi * np.round(difference[:, 2] / (2.0 * math.pi))
-    none, no_level = np.full((3, 3), math.nan), np.full(2, math.nan)
+    if blocks is POSE:
+        difference[:, 2] -= 2.0 * math.pi * np.round(difference[:, 2] / (2.0 * math.pi))
+    none, no_level = np.full((truth.shape[1],) * 2, math.nan), np.full(2, math.nan)
     P = np.array([none if each.covariance is None else each.covariance for each in estimates])
     level = np.array([each.extra.get("protection", no_level) for each in estimates])
     times: Array = period * np.arange(len(ok), dtype=np.float64)
-    errors = np.column_stack([np.hypot(*difference.T[:2]), np.abs(difference[:, 2])])
-    wrong = sure_and_wrong(times, ok, difference, P).T
+    errors = np.column_stack([np.linalg.norm(difference[:, block], axis=1) for block in blocks])
+    wrong = sure_and_wrong(times, ok, difference, P, blocks).T
     beyond = [lasting(times, ok & each) for each in (errors > level).T]
     onset, end = round(timing.onset / period), round((timing.onset if persists else timing.end) / period)
     later = slice(onset, None)
@@ -74,7 +82,7 @@ def judged(
     first = np.flatnonzero(found[later])
     return Outcome(
         position=wrong[0][later].mean().item(),
-        heading=wrong[1][later].mean().item(),
+        rest=wrong[1][later].mean().item(),
         false=(~ok[round(timing.settled / period) : onset]).mean().item(),
         detected=period * float(missing[0]) if len(missing) else math.nan,
         recovered=period * max(0, whole - end) if whole <= settled else math.nan,

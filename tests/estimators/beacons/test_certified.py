@@ -166,3 +166,15 @@ def test_beacons_at_unknown_places_certify_nothing() -> None:
     task = dataclasses.replace(mission(), start=mn.KnownStart(START), beacons=(*TWO, None))
     with pytest.raises(MissionError, match="allowed: places that are known"):
         BeaconCertified.build(BeaconCertified.Config(), task)
+
+
+def test_a_beacon_at_fault_is_left_out_of_the_certificate_too() -> None:
+    task = mission(start=mn.KnownStart(START, (0.1, 0.1, 0.1)))
+    log, truth = drive(task, BEND, 60.0, 3)
+    ranges = np.array(log.readings["beacon_ranges"])
+    ranges[200:, 1] += 1.0
+    found = mn.estimate("beacon_certified", task, mn.SensorLog(log.t, {**log.readings, "beacon_ranges": ranges}))
+    assert found.extra["left_out"][-1].tolist() == [0.0, 1.0, 0.0, 0.0]
+    assert found.extra["certified"][-1] == 1.0
+    error = np.hypot(*(found.x - truth)[300:, :2].T)
+    assert np.sqrt(np.square(error).mean()) < 0.1

@@ -51,6 +51,7 @@ def test_a_stuck_beacon_is_named_and_left_out_in_the_loop() -> None:
     assert run.success
     assert run.summary["left_out_beacons"] == "1"
     assert any("beacon 1" in event.message for event in run.events if event.kind == "estimator-status")
+    assert [event.message for event in run.events if event.kind == "sensor-left-out"] == ["leaves out beacon 1"]
     out = run["estimate.left_out"]
     assert (out[-100:, 1] == 1.0).all()
     assert out[:, [0, 2, 3, 4, 5]].sum() == 0.0

@@ -18,7 +18,6 @@ knows next to nothing.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -49,7 +48,6 @@ from mathnavi.models.unicycle.beacons import BeaconFieldMission, BeaconMission, 
 
 _HEADING = math.radians(20.0)  # [rad] to which a heading is known once the pose is found
 _FEWEST = 6  # readings until it is
-_RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of a pose that is wrong
 _UNKNOWN = 0.25  # of the surroundings: standard deviation of a position that is not known any more
 _SCALES = ("scale error of speed [-]", "scale error of turn rate [-]", "scale error of ranges [-]")
 _GROWTH, _LEAST_GROWTH = 1.05, 4  # of the stages, and number of them, until the batch fit is made again
@@ -103,7 +101,7 @@ class BeaconFilter:
         self._rival: int | None = None  # beacon with another place that is as good
         self._contradicted = False  # True while what fits all readings best contradicts some
         self._fitted = True  # False while no state fits all readings
-        self._refused_of: tuple[deque[bool], ...] = tuple(deque(maxlen=_RECENT) for _ in mission.beacons)
+        self._refusals_of = Refusals(len(mission.beacons), outliers)  # of the place that a reading contradicts
         self.begun_at = 0
         """number of stages with readings up to the one at which the filters began, itself among them"""
         self._stage = 0
@@ -210,8 +208,7 @@ class BeaconFilter:
             self._begin_batch(started)
         self._used, self.begun_at = 0, self._stage
         self._refusals.clear()
-        for each in self._refused_of:
-            each.clear()
+        self._refusals_of.clear()
         return True
 
     def _test(self, *readings: Array) -> None:
@@ -269,8 +266,7 @@ class BeaconFilter:
             self._again = False
         if known:
             self._is_confirmed()
-        recent = list(self._refusals.all)[-_RECENT:]
-        if len(recent) == _RECENT and sum(recent) >= _REFUSED and self._begin(y):
+        if self._refusals.are_most() and self._begin(y):
             self._again, self.found = self._again or self.found, False
             self.bank.condition(y)
             if self._batch is not None:
@@ -284,10 +280,9 @@ class BeaconFilter:
             self._read[self.model.entries[row][1]] += 1
         for (row, *_), out in zip(answers, refused.tolist(), strict=True):
             i = self.model.contradicted(*self.model.entries[row])
-            own = self._refused_of[i]
-            own.append(out)
-            if self.model.columns[i] >= 0 and len(own) == _RECENT and sum(own) >= _REFUSED:
-                own.clear()
+            self._refusals_of.note(i, out)
+            if self.model.columns[i] >= 0 and self._refusals_of.are_most(i):
+                self._refusals_of.clear(i)
                 self.bank.forget(i)
                 self._confirmed[i] = False
                 if self._batch is not None:

@@ -12,8 +12,10 @@ can. An input of a piece is (u_1, u_2, w_1, w_2): odometry, and the densities of
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
@@ -89,6 +91,11 @@ class BeaconModel:
         self._begun: tuple[Array, Array] | None = None  # start that was found
         self._last: Array | None = None  # (2,) odometry
         self._since, self._moved = -math.inf, np.zeros(2)  # [s] of it, and the motion (2,) since
+
+    def __deepcopy__(self, memo: object) -> Self:
+        made = copy.copy(self)
+        made.placed, made._moved = self.placed.copy(), self._moved.copy()
+        return made
 
     # ---- stages
 

@@ -3,35 +3,41 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 _COUNTED = (4, 8, 16, 32, 64, 128)  # last readings
+_RECENT, _REFUSED = 24, 18  # last readings, and how many of them are refused of a pose that is wrong
 _CHANCE = 1e-5  # with which more of these are outliers
 
 
 class Refusals:
-    """Whether each of the last readings was refused, of n beacons."""
+    """Whether each of the last readings was refused, of n beacons: bits of whole numbers, the last reading's first."""
 
     def __init__(self, beacons: int, share: float) -> None:
         """``share`` of the readings are outliers."""
-        self.all: deque[bool] = deque(maxlen=_COUNTED[-1])
-        self._of = tuple(deque[bool](maxlen=_COUNTED[-1]) for _ in range(beacons))
-        self._most = [(n, most_of(n, share)) for n in _COUNTED]
+        self._of = [0] * (beacons + 1)  # of each, and in the end of all of them
+        self._noted = [0] * (beacons + 1)  # numbers of readings
+        self._most = [((1 << n) - 1, most_of(n, share)) for n in _COUNTED]
 
     def note(self, beacon: int, refused: bool) -> None:
         """Count a reading."""
-        self.all.append(refused)
-        self._of[beacon].append(refused)
+        for i in (beacon, -1):
+            self._of[i] = (self._of[i] << 1 | refused) & self._most[-1][0]
+            self._noted[i] += 1
 
-    def clear(self) -> None:
-        """Forget all."""
-        for each in (self.all, *self._of):
-            each.clear()
+    def clear(self, beacon: int | None = None) -> None:
+        """Forget all, or those of a beacon."""
+        for i in range(len(self._of)) if beacon is None else (beacon,):
+            self._of[i] = self._noted[i] = 0
+
+    def are_most(self, beacon: int = -1) -> bool:
+        """True if most of the last readings were refused, of a beacon or of all."""
+        lately = self._of[beacon] & ((1 << _RECENT) - 1)
+        return self._noted[beacon] >= _RECENT and lately.bit_count() >= _REFUSED
 
     @property
     def as_declared(self) -> bool:
         """True while no more readings are refused than are declared as outliers."""
-        return all(sum(list(each)[-n:]) <= most for each in (self.all, *self._of) for n, most in self._most)
+        return all((each & last).bit_count() <= most for each in self._of if each for last, most in self._most)
 
 
 def most_of(n: int, share: float) -> int:

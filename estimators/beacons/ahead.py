@@ -1,4 +1,4 @@
-"""The kernels of a run with beacons at known places and its monitor, compiled before it (``sim.engine.compilation``)."""
+"""The kernels of a run with beacons at known places and of its monitor (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 

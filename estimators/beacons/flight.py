@@ -381,9 +381,9 @@ class GuardedFlight(Guarded):
     at fault. There an alarm is remembered until there are readings to spare, more than three numbers, and a leap of the
     readings is one: nothing else tells of a fault that the filter follows.
 
-    An alarm that no beacon explains may be of all readings, which are late for one, and of these the filter follows too:
-    for 20 s the estimate is DEGRADED then, as one with a single sensor is (``integrity.innovations``). So it is where
-    the estimated gust is larger than gusts are that were declared: g' (s^2 I - P_gg)^-1 g is chi-squared while they are as declared.
+    An alarm that no beacon explains may be of all readings, such as those that are late, and the filter follows these
+    too: for 20 s the estimate is DEGRADED then, as one with a single sensor is (``integrity.innovations``). So it is
+    where the estimated gust is larger than declared: g' (s^2 I - P_gg)^-1 g is chi-squared while gusts are as declared.
     """
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:

@@ -22,7 +22,7 @@ SHARED = 9
 
 @njit(cache=True, nogil=True)
 def predict_flights(x: Array, P: Array, F: Array, B: Array, Q: Array) -> None:
-    """Predict states x (N, 10), P (N, 10, 10) in place: F (3, 3), Q (3, 3) of an axis, B (9,) the effect of the input."""
+    """Predict states x (N, 10), P (N, 10, 10) in place: F (3, 3), Q (3, 3) of an axis, B (9,) by the input."""
     moved, row = np.empty(9), np.empty((9, 9))
     for n in range(len(x)):
         for s in range(3):
@@ -112,7 +112,7 @@ def condition_flights(
         without: (N,) the beacon that is not used, or -1 for the fixes, -2 for none.
         refused: (N,) share of the numbers that each state was not conditioned on by the gate; NaN for no number.
     """
-    g, D, A, PH, flat = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(10), np.zeros((3, 3))
+    g, D, A, PH = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(10)
     for n in range(len(x)):
         state, C = x[n], P[n]
         shares, count, gone = False, 0, 0

@@ -99,7 +99,8 @@ class FlightSeparation:
         limit = self._linear(x)
         flight_separations(x[:6], P, self._x, self._P, _DEVIATIONS, self._levels)
         deviations = self._levels[:-1, 2]
-        if any([self._take_side(i, x, heard) for i in np.flatnonzero(self._levels[:-1, 0] > _FAR * deviations).tolist()]):
+        far = np.flatnonzero(self._levels[:-1, 0] > _FAR * deviations).tolist()
+        if sum(self._take_side(i, x, heard) for i in far):
             flight_separations(x[:6], P, self._x, self._P, _DEVIATIONS, self._levels)
         self._lost &= deviations > _SMALL * limit
         wrong = (deviations > limit) | (self._sequence > _SEQUENCE)

@@ -18,7 +18,8 @@ gyro (see ``rest``). While a foot stands, the velocity shows the gyro's about th
 accelerometer's along the vertical, and along the horizontal axes once the base has turned; the gyro's about the
 vertical shows at rest alone.
 
-Another plug-in estimates the joints' velocities; it gets the estimated pose of the base as if it had been read.
+Another plug-in estimates the joints' velocities; it gets the estimated pose of the base as if it had been read, which
+it does not test.
 """
 
 from __future__ import annotations
@@ -135,7 +136,7 @@ class FloatingBaseIekf:
         if self._base.has_joints:
             plugin = _OBSERVERS[config.joints]
             self._observer = plugin.build(plugin.Config(timeout=config.timeout), mission)
-            self._observer.reading_errors.ignore(slice(JOINT_RATES.start))  # the base is estimated, not read
+            self._observer.ignore(slice(JOINT_RATES.start))  # the base is estimated, not read
         self._counts = ReadingCounts() if self._observer is None else self._observer.counts
         self._joint_rates = np.zeros(self._base.model.nv - JOINT_RATES.start)
         self._stood = np.zeros(len(self._base.feet), dtype=bool)

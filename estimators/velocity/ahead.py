@@ -26,6 +26,7 @@ KERNELS: tuple[Signature, ...] = (
             _NUMBER,
             _FLAG,
             _FLAG,
+            array(1, types.boolean),
             ONE,
             TWO,
             TWO,

@@ -33,7 +33,7 @@ import math
 import numpy as np
 
 from mathnavi.estimators.integrity.excess import chances, factor_of
-from mathnavi.estimators.integrity.windows import CLIP, ENERGY, MEAN, NOTHING, Thresholds, Windows, add, worst_of
+from mathnavi.estimators.integrity.windows import CLIP, ENERGY, MEAN, NOTHING, Flags, Thresholds, Windows, add, worst_of
 from mathnavi.estimators.velocity.gain_covariance import Residual
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Integers, Status
@@ -74,6 +74,7 @@ class InnovationTests:
         self._z, self._variance = np.zeros((2, n)), np.zeros((2, n))
         self._resting = min(_RESTING * mission.speed_max, _SLOWEST)
         self._e, self._speed = np.zeros(n), self._resting
+        self._read = np.ones(n, dtype=np.bool_)
         self._starts = rate_starts(mission.system.manifold).astype(np.int64)
         self._begin, self._alarmed, self._lost, self._seen = math.inf, -math.inf, -math.inf, -math.inf  # [s]
         self.ratio = 0.0
@@ -83,6 +84,10 @@ class InnovationTests:
         """factors (n,) >= 1 of the variances of the estimate"""
         self.shown = np.zeros(n)
         """errors (n,) [rad/s, m/s] of the velocities that the readings show, beyond what noise explains"""
+
+    def ignore(self, coordinates: slice) -> None:
+        """Do not test these coordinates, which are no readings."""
+        self._read[coordinates] = False
 
     def begin(self, t: float) -> None:
         """Begin again with a law that starts at t [s]."""
@@ -101,7 +106,7 @@ class InnovationTests:
         self._speed, most, self.ratio, test, channel = note(
             residual.value, residual.gain * residual.value if residual.moved is None else residual.moved,
             residual.variance, residual.gain, *noise, rate, self._starts, h, self._speed,
-            self._resting, residual.used, tested,
+            self._resting, residual.used, tested, self._read,
             self._e, self._z, self._variance, self.shown, self.factor,
             windows.sums, windows.k, known.lengths, windows.kappa, known.z, known.energy, *self._chances,
         )  # fmt: skip
@@ -176,6 +181,7 @@ def note(
     resting: float,
     used: bool,
     tested: bool,
+    read: Flags,
     e: Array,
     z: Array,
     variance: Array,
@@ -193,7 +199,7 @@ def note(
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
     The reading has ``moved`` (n,) the position, if it was used; ``rate`` (n,) are velocities, of which those of joint j
-    begin at ``starts[j]``; ``speed`` is the greatest so far and ``resting`` that of a system at rest. Returns the
+    begin at ``starts[j]``; ``read`` (n,) says which coordinates are readings, and tested; ``speed`` is the greatest so far and ``resting`` that of a system at rest. Returns the
     greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
     """
     n, least = len(L), _NOTHING * speed
@@ -212,7 +218,8 @@ def note(
                 variance[j, i] = kept**2 * variance[j, i] + ((1.0 - kept) * gain[i] / h) ** 2 * by_reading
             by_noise = (_BY_NOISE_FAST if j == 0 else _BY_NOISE_SLOW) * math.sqrt(variance[j, i])
             shown[i] = max(shown[i], abs(z[j, i]) - by_noise)
-        most = max(most, shown[i])
+        if read[i]:
+            most = max(most, shown[i])
         factor[i] = 1.0
     for joint in range(len(starts)):
         end, square = starts[joint + 1] if joint + 1 < len(starts) else n, 0.0
@@ -222,7 +229,7 @@ def note(
     if not tested:
         return speed, most, 0.0, NOTHING, -1
     add(sums, k, e, np.full(n, np.nan))
-    ratio, test, channel = worst_of(sums, k + 1, np.ones(n, dtype=np.bool_), lengths, kappa, z_limit, energy)
+    ratio, test, channel = worst_of(sums, k + 1, read, lengths, kappa, z_limit, energy)
     for i in range(n):
         factor[i] = factor_of(sums, k + 1, (n + i, 2 * n + i), lengths, kappa, likely, unlikely, P[i], R[i])
     return speed, most, ratio, test, channel

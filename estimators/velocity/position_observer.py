@@ -234,6 +234,13 @@ class PositionObserver:
         self.reading_errors = ReadingErrors(mission)
         """errors of the readings"""
 
+    def ignore(self, coordinates: slice) -> None:
+        """Do not test these coordinates of its readings, which nothing reads."""
+        self.reading_errors.ignore(coordinates)
+        self._tests.ignore(coordinates)
+        if self._safe_answer is not None:
+            self._safe_answer.ignore(coordinates)
+
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
         between.

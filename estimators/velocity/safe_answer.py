@@ -40,6 +40,7 @@ class SafeAnswer:
         self._mission, self._manifold = mission, mission.system.manifold
         self._differences = Differences(_CUTOFF / mission.period, timeout, mission)
         self._window = max(_WINDOW, _FEWEST * mission.period)
+        self._read = np.ones(self._manifold.dimension)  # 0 for coordinates that nothing reads
         self._past: deque[tuple[float, Array]] = deque()  # (h, displacements (2, n), read and estimated) of the window
         self._T, self._sums = 0.0, np.zeros((2, self._manifold.dimension))  # over it
         self._y: Array | None = None  # the last reading
@@ -50,6 +51,10 @@ class SafeAnswer:
         self.trusted = False  # whether the observer's estimate is to be returned
         self.ran_away = False  # whether its rates have diverged from the readings
         self._events: list[tuple[str, str]] = []
+
+    def ignore(self, coordinates: slice) -> None:
+        """Do not compare these coordinates, which nothing reads."""
+        self._read[coordinates] = 0.0
 
     @property
     def status(self) -> Status:
@@ -77,7 +82,7 @@ class SafeAnswer:
         if self._y is None or moved is None or not self._differences.correct(y, h):
             self._begin(y)
             return
-        self._y = y
+        self._y, moved = y, self._read * moved
         if self._moved is not None:
             kept = math.exp(-h / _NOISE_MEMORY)
             self._shown = kept * self._shown + (1.0 - kept) * float(np.square(moved - self._moved).sum()) / 6.0
@@ -87,7 +92,7 @@ class SafeAnswer:
             self._trust(False)
             return
         x, v = estimate[: self._manifold.size], estimate[self._manifold.size :]
-        self._past.append((h, np.stack([moved, h * self._manifold.components(x, v)])))
+        self._past.append((h, np.stack([moved, h * self._read * self._manifold.components(x, v)])))
         self._T, self._sums = self._T + h, self._sums + self._past[-1][1]
         while self._T - self._past[0][0] >= self._window - TIME_TOLERANCE:
             oldest = self._past.popleft()
@@ -100,7 +105,7 @@ class SafeAnswer:
         self._differences.start(y)
         self._y = y
         self._clear()
-        self._declared = self._shown = float(reading_variance(self._mission, y).sum())
+        self._declared = self._shown = float(self._read @ reading_variance(self._mission, y))
         self._moved = None
 
     def _judge(self, h: float) -> None:

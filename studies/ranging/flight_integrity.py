@@ -140,8 +140,7 @@ OF_BOTH: dict[str, Fault] = {
     "readings 0.5 s late": _late,
 }
 FAULTS: dict[str, dict[str, Fault]] = {
-    "fixes": OF_BOTH
-    | {"fixes 10 m off": _offset(10.0), "fixes stuck": _stuck(3), "fixes drift": _drift},
+    "fixes": OF_BOTH | {"fixes 10 m off": _offset(10.0), "fixes stuck": _stuck(3), "fixes drift": _drift},
     "beacons": OF_BOTH
     | {
         "a beacon 4 m too long": _offset(4.0),

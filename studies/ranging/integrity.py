@@ -235,8 +235,8 @@ class Integrity:
                 f"{flight_integrity.GUSTS.rms:g} m/s^2 read fixes of {flight_integrity.FIX_NOISE:g} m, or ranges of "
                 f"{flight_integrity.RANGE_NOISE:g} m to {len(flight_integrity.PLACES)} beacons, ten times a second, the "
                 f"fault from {flight_integrity.ONSET:g} to {flight_integrity.END:g} s; by fixes alone there is no "
-                f"protection level. The first {min(config.alone, config.seeds)} runs of each are also made without the "
-                "monitor.",
+                f"protection level. The first {min(config.alone, config.seeds)} runs of each are also made without "
+                "the monitor.",
             ),
             rows=rows,
             tables=(

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
@@ -92,6 +92,13 @@ class PlacedFlight:
         self._doubted: set[int] = set()
         self._said = dict.fromkeys(self._unknown, "waits for its readings")
         self._malformed = 0
+
+    @property
+    def figures(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the numbers of ``extra``."""
+        own: Mapping[str, tuple[str, ...]] = getattr(self._carrier, "figures", {})
+        fixes = tuple(f"fix {axis}" for axis in "xyz") if self._fixes else ()
+        return {**own, "left_out": (*self._beacons.names(), *fixes)}
 
     # ---- readings
 

@@ -27,7 +27,7 @@ is at fault (``pose_protection``).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -59,6 +59,8 @@ _WORDS = {
     MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning",
     SEPARATED: "an estimate that trusts less",
 }  # fmt: skip
+_LEVELS = ("position [m]", "heading [rad]")
+_STATISTIC = ("worst test of the readings over its threshold [-]",)
 
 
 class Guarded:
@@ -135,6 +137,14 @@ class Guarded:
     def estimator(self) -> Estimator:
         """The estimator next to which the monitor is now."""
         return self._now.estimator
+
+    @property
+    def figures(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the numbers of ``extra``: those of the estimator, and of what the monitor adds."""
+        witness = self._now.witness
+        levels = tuple(f"protection level of {name}" for name in _LEVELS[: len(witness.protection)])
+        own: Mapping[str, tuple[str, ...]] = getattr(self.estimator, "figures", {})
+        return {**own, "left_out": witness.names, "integrity": _STATISTIC, "protection": levels}
 
     @property
     def left_out(self) -> frozenset[int]:

@@ -21,6 +21,7 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _PATIENT = 60.0  # [s] without readings for which the run's filter is not lost: gaps are judged by the smoother
+_LEFT_OUT = "left_out"  # extra array of a filter whose monitor leaves channels out
 
 
 @configuration
@@ -53,12 +54,14 @@ class RecordedSmoother:
         self._read = np.empty(0)  # (k,) [s] times with readings
         self._config, self._model = config, model
         self._states: SmoothedStates | None = None
+        by_filter: Mapping[str, tuple[str, ...]] = getattr(recorded, "figures", {})
+        self._channels = {name: words for name, words in by_filter.items() if name == _LEFT_OUT}
 
     @property
     def figures(self) -> Mapping[str, tuple[str, ...]]:
         """Names of the further figures of its estimates."""
         named: Mapping[str, tuple[str, ...]] = getattr(self._model, "figures", {})
-        return named
+        return {**named, **self._channels}
 
     def smooth(self, samples: Iterable[Sample]) -> None:
         """Smooth a run.
@@ -98,7 +101,7 @@ class RecordedSmoother:
         extra = dict(self._model.extra(state, covariance))
         doubt, out = self._verdict.at(t)
         if out is not None:
-            extra["left_out"] = out
+            extra[_LEFT_OUT] = out
         if k < 0 or not len(self._read):
             return Estimate(t, x, P, Status.INITIALISING, extra)
         return Estimate(t, x, P, Status.DEGRADED if doubt else self._status(t), extra, doubt)

@@ -15,7 +15,7 @@ from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.generic.run_data import GenericRun
 from mathnavi.renders.palette import hexadecimal
-from mathnavi.renders.scene.charts import TRUE, estimate_charts, state_charts
+from mathnavi.renders.scene.charts import TRUE, estimate_charts, figure_charts, state_charts
 from mathnavi.renders.scene.elements import PATTERNS, Chart, Series
 
 MOST_ROWS = 12  # of charts in a figure; of more the first ones are drawn
@@ -25,8 +25,9 @@ BAND = 0.18  # opacity
 
 
 def states_figure(run: GenericRun, most: int = MOST_ROWS) -> Figure:
-    """Estimated quantities, then the states, over time with their estimates."""
-    figure = charts_figure([*estimate_charts(run), *state_charts(run)], run.duration, most)
+    """Estimated quantities, then the states, over time with their estimates, then further figures of the estimate."""
+    charts = [*estimate_charts(run), *state_charts(run), *figure_charts(run)]
+    figure = charts_figure(charts, run.duration, most)
     assert figure is not None  # no vehicle is without a state
     return figure
 

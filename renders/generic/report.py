@@ -18,6 +18,7 @@ from mathnavi.renders.scene.charts import (
     DEVIATIONS,
     difference_charts,
     estimate_charts,
+    figure_charts,
     input_charts,
     reading_charts,
     state_charts,
@@ -81,6 +82,7 @@ def _figures(run: GenericRun) -> list[Drawn]:
     parts: list[tuple[str, list[Chart], str]] = [
         ("estimates", estimate_charts(run), _of_estimates(single)),
         ("states", state_charts(run), f"The states over time{', truth and estimate' if whole else ''}"),
+        ("figures", figure_charts(run), "Further figures of the estimate over time"),
         ("errors", difference_charts(run), f"Estimate less truth, number by number{_banded(found)}"),
         ("inputs", input_charts(run), "The commands to the actuators over time"),
         ("readings", reading_charts(run), "The readings of each sensor over time"),
@@ -100,7 +102,7 @@ def _figures(run: GenericRun) -> list[Drawn]:
 def _of_estimates(found: RecordedEstimates | None) -> str:
     """Caption of the charts of an estimate that are not charts of states."""
     if found is None or found.whole:
-        return "Further figures of the estimate over time"
+        return ""  # there are no such charts
     known = np.isfinite(found.truth).any(axis=0)
     beside = ", and the truth" if known.all() else ", and the truth where it is declared" if known.any() else ""
     return f"The estimate over time{beside}{_banded([found])}"

@@ -22,6 +22,7 @@ MOST_POINTS = 1200  # of a curve
 MOST_FACTS = 8
 DEVIATIONS = 2.0  # half the height of the band about an estimate, in standard deviations of its covariance
 TRUE, ESTIMATED_WORD = "truth", "estimate"
+LEFT_OUT, RAISED = "left_out", 0.8  # name of the flags of channels, and rise of the line of one that is left out
 _NOT_FURTHER = ("t", "x", "unused", "deviation", "covariance")  # arrays of an estimate that are not figures besides it
 TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE]
 
@@ -109,40 +110,68 @@ def state_charts(run: GenericRun) -> list[Chart]:
 
 
 def estimate_charts(run: GenericRun) -> list[Chart]:
-    """Charts of an estimate that is not of the whole state, with the truth where it is declared, and of the further
-    figures of an estimate, of a single vehicle.
-    """
+    """Charts of an estimate that is not of the whole state, with the truth where it is declared, of a single vehicle."""
     name, log = next(iter(run.vehicles.items()))
     found = estimates(log, run.signals[name]) if len(run.vehicles) == 1 else None
-    if found is None:
+    if found is None or found.whole:
+        return []
+    return [
+        Chart(title, unit, _lines(columns, log.t, found.truth, found))
+        for title, unit, columns in grouped(found.names, run.signals[name].groups)
+    ]
+
+
+def figure_charts(run: GenericRun) -> list[Chart]:
+    """Charts of the further figures of an estimate, of a single vehicle: first of what it left out."""
+    name, log = next(iter(run.vehicles.items()))
+    t = log.arrays.get(f"{ESTIMATED}t") if len(run.vehicles) == 1 else None
+    if t is None:
         return []
     charts = []
-    if not found.whole:
-        charts = [
-            Chart(title, unit, _lines(columns, log.t, found.truth, found))
-            for title, unit, columns in grouped(found.names, run.signals[name].groups)
-        ]
-    for array in sorted(log.arrays):
+    for array in sorted(log.arrays, key=lambda each: (each != f"{ESTIMATED}{LEFT_OUT}", each)):
         values, own = log.arrays[array], array.removeprefix(ESTIMATED)
         named = run.signals[name].figures.get(own, ())
-        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and _is_drawn(values, named, len(found.t)):
-            columns = values.reshape(len(found.t), -1)
-            if len(named) == columns.shape[1]:  # each on an axis of its own, for they may be of different sizes
-                for k, words in enumerate(named):
-                    line = curve(ESTIMATED_WORD, ESTIMATE, found.t, columns[:, k])
-                    charts.append(Chart(*name_and_unit(words), [line]))
-                continue
-            lines = [
-                curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), found.t, columns[:, k])
-                for k in range(columns.shape[1])
-            ]
-            charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
+        if not array.startswith(ESTIMATED) or own in _NOT_FURTHER or not _is_drawn(values, named, len(t)):
+            continue
+        columns = values.reshape(len(t), -1)
+        if len(named) == columns.shape[1]:
+            charts += _left_out(named, t, columns) if own == LEFT_OUT else _named(named, t, columns)
+            continue
+        lines = [
+            curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), t, columns[:, k])
+            for k in range(columns.shape[1])
+        ]
+        charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
     return charts
 
 
+def _named(names: Sequence[str], t: Array, columns: Array) -> list[Chart]:
+    """A chart for each of the numbers (k, m) that is known at some time, for they may be of different sizes."""
+    return [
+        Chart(*name_and_unit(words), [curve(ESTIMATED_WORD, ESTIMATE, t, values)])
+        for words, values in zip(names, columns.T, strict=True)
+        if np.isfinite(values).any()
+    ]
+
+
+def _left_out(names: Sequence[str], t: Array, columns: Array) -> list[Chart]:
+    """A chart of the channels that were left out at some time, in which the line of each rises while it is: flags
+    (k, l), 1 while a channel is left out; none if all were always used.
+    """
+    ever = np.flatnonzero((columns > 0.0).any(axis=0)).tolist()
+    lines = [
+        curve(names[k], vehicle_colour(number), t, k + RAISED * (columns[:, k] > 0.0), step=True)
+        for number, k in enumerate(ever)
+    ]
+    return [Chart("left out while raised", "", lines)] if lines else []
+
+
 def _is_drawn(values: Array, names: Sequence[str], count: int) -> bool:
-    """True for a number or a vector at each of ``count`` times, or for as many numbers as there are names."""
-    return values.size in (count, 3 * count) or (len(names) > 0 and values.shape == (count, len(names)))
+    """True for a number or a vector at each of ``count`` times, or for as many numbers as there are names; not for
+    numbers that are never known.
+    """
+    drawn = values.size in (count, 3 * count) or (len(names) > 0 and values.shape == (count, len(names)))
+    return drawn and bool(np.isfinite(values).any())
 
 
 def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:

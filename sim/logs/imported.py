@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import LogError, RunFolderError
-from mathnavi.interfaces.reading_counts import unused_text
+from mathnavi.interfaces.fields import plain
+from mathnavi.interfaces.reading_counts import COUNTS, unused_text
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signal_names import SignalNames, name_and_unit
 from mathnavi.interfaces.signals import Array, Estimate, Event
@@ -27,9 +28,10 @@ from mathnavi.models.angles import wrapped
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.logs.recorded_log import Channel, Disorder, RecordedLog
 from mathnavi.sim.records.attitude_figures import continued, is_quaternion
-from mathnavi.sim.records.figure_names import UNUSED_READINGS, UNUSED_REASONS
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, UNUSED_READINGS, UNUSED_REASONS
 from mathnavi.sim.records.log_arrays import SAMPLED
-from mathnavi.sim.records.reference_figures import reference_figures
+from mathnavi.sim.records.plan_record import plan_record
+from mathnavi.sim.records.reference_figures import reference_figures, usable_figures
 from mathnavi.sim.records.run_folder import read_log, read_record, read_signal_names
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog
 
@@ -37,6 +39,7 @@ SCENARIO = "recorded-log"
 """name in config.json in place of a scenario"""
 VEHICLE = "vehicle"
 _GAP, _NOTE = "log-gap", "log-note"  # kinds of events
+_NOT_KEPT = ("version", UNUSED_READINGS, UNUSED_REASONS)  # figures of a simulated run that are of its estimator
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,7 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
     config = {"scenario": SCENARIO, "seed": 0, "fields": fields, "mission": {}, "inputs": {"file": digest}}
     timings = [log.channels[name].timing for name in used]
     summary = {
-        "run_time_s": float(since[-1]),
+        "log_time_s": float(since[-1]),
         "samples": count,
         "stamps_late": sum(each.late for each in timings),
         "stamps_doubled": sum(each.doubled for each in timings),
@@ -226,11 +229,12 @@ def sensor_log_of(folder: Path) -> SensorLog:
     return SensorLog(log.t, readings, inputs, str(folder), start)
 
 
-def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str, Any]) -> ImportedLog:
+def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str, Any], mission: Any) -> ImportedLog:
     """Return the content of the folder of a run with the estimates of another estimator over its log.
 
-    ``estimator`` is its record in config.json. The summary has its figures against the reference, if the log has one of
-    as many numbers (``mathnavi.sim.records.reference_figures``).
+    ``estimator`` is its record in config.json; that of a recorded log has the walls and beacons of the ``mission`` too.
+    The summary has its figures against the reference, if the log has one of as many numbers
+    (``mathnavi.sim.records.reference_figures``), and none of an estimator before it.
     """
     log = read_log(folder)
     ((vehicle, signals),) = read_signal_names(folder).items()
@@ -251,10 +255,17 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
         signals={vehicle: signals},
     )  # fmt: skip
     config = {key: value for key, value in log.config.items() if key not in ("versions", "machine")}
-    summary = {key: value for key, value in log.summary.items() if key != "version"}
+    if config["scenario"] == SCENARIO:
+        config["mission"] = plain(plan_record(mission))
+        summary = {key: value for key, value in log.summary.items() if key in SUMMARY_GROUPS["log"]}
+    else:
+        summary = {key: value for key, value in log.summary.items() if key not in _NOT_KEPT}
     if log.x.shape[1] == found.x.shape[1]:
         summary |= reference_figures(found, log.t, log.x, signals.states)
-    summary[UNUSED_READINGS] = float(sum(found.unused.values()))
+    else:
+        summary |= usable_figures(found)
+    if COUNTS in found.extra or found.unused:
+        summary[UNUSED_READINGS] = float(sum(found.unused.values()))
     if found.unused:
         summary[UNUSED_REASONS] = unused_text(found.unused)
     return ImportedLog({**config, "estimator": dict(estimator), "recorded": str(folder)}, summary, recording)

@@ -10,7 +10,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "inclination_rms_deg", "heading_drift_rms_deg", "attitude_rms_deg",
-        "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "left_out_beacons",
+        "heading_error_max_deg", "nees_mean", "usable_share", "wrong_share", "observable", "lost_ranges", "left_out_beacons",
         "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
@@ -44,6 +44,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
     "bound": ("efficiency", "efficiency_basis"),
+    "log": ("log_time_s", "samples", "stamps_late", "stamps_doubled", "readings_missing", "longest_gap_s"),
     "readings": ("unused_readings", "unused_reasons", "waits_for"),
 }  # fmt: skip
 # All figures above are numbers, or null if not known, except these.
@@ -73,6 +74,7 @@ LABELS = {
     "planner_share": ("share flown as planned", ""),
     "tracking_bound_share": ("share of bound used", ""),
     "deadline_left_s": ("deadline left", "s"),
+    "log_time_s": ("length of the log", "s"),
     "unused_readings": ("readings not used", ""),
     "unused_reasons": ("of these", ""),
     "waits_for": ("the estimator", ""),

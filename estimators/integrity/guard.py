@@ -59,8 +59,7 @@ _WORDS = {
     MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning",
     SEPARATED: "an estimate that trusts less",
 }  # fmt: skip
-_LEVELS = ("position [m]", "heading [rad]")
-_STATISTIC = ("worst test of the readings over its threshold [-]",)
+_STATISTIC, _LEVELS = ("integrity, worst test [-]",), ("protection, position [m]", "protection, heading [rad]")
 
 
 class Guarded:
@@ -142,7 +141,7 @@ class Guarded:
     def figures(self) -> Mapping[str, tuple[str, ...]]:
         """Names of the numbers of ``extra``: those of the estimator, and of what the monitor adds."""
         witness = self._now.witness
-        levels = tuple(f"protection level of {name}" for name in _LEVELS[: len(witness.protection)])
+        levels = _LEVELS[: len(witness.protection)]
         own: Mapping[str, tuple[str, ...]] = getattr(self.estimator, "figures", {})
         return {**own, "left_out": witness.names, "integrity": _STATISTIC, "protection": levels}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from mathnavi.interfaces.signal_names import SignalNames, difference
 from mathnavi.interfaces.signals import Array, Event, Status
 from mathnavi.renders.generic.scene_data import SceneData, scene_data
+from mathnavi.sim.records.documents import LOG_SCENARIO
 from mathnavi.sim.records.log_arrays import DEVIATION, ESTIMANDS
 from mathnavi.sim.records.run_folder import (
     NothingToDrawError,
@@ -22,6 +24,8 @@ from mathnavi.sim.records.run_folder import (
     read_scene,
     read_signal_names,
 )
+
+TRUTH_WORD, REFERENCE_WORD = "truth", "reference"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +56,42 @@ class GenericRun:
         return float(self.t[-1])
 
     @property
+    def is_log(self) -> bool:
+        """True for a recorded log: nothing was simulated, no mission was flown."""
+        return self.config["scenario"] == LOG_SCENARIO
+
+    @property
     def title(self) -> str:
-        """Scenario and seed."""
-        return f"{self.config['scenario']}, seed {self.config['seed']}"
+        """Scenario and seed; of a log its file, and the estimator that ran over it."""
+        if not self.is_log:
+            return f"{self.config['scenario']}, seed {self.config['seed']}"
+        file = Path(str(self.config.get("fields", {}).get("file", self.directory))).name
+        return ", ".join([file, *([] if self.estimator is None else [self.estimator])])
+
+    @property
+    def estimator(self) -> str | None:
+        """Name of the estimator; None without one, as of a log over which none has run."""
+        record = self.config.get("estimator")
+        return str(record["name"]) if isinstance(record, Mapping) and "name" in record else None
+
+    @property
+    def truth_word(self) -> str:
+        """Name of what estimates are compared with: that of a log is what another system found."""
+        return REFERENCE_WORD if self.is_log else TRUTH_WORD
+
+    @property
+    def final_status(self) -> Status | None:
+        """Status of the last estimate of a single vehicle; None without any."""
+        log = next(iter(self.vehicles.values()))
+        times = log.arrays.get("estimate.t", np.empty(0))
+        return log.status(float(times[-1])) if len(times) else None
+
+    @cached_property
+    def usable_share(self) -> float:
+        """Share of the estimates of a single vehicle that may be used; 0 without any."""
+        log = next(iter(self.vehicles.values()))
+        times = log.arrays.get("estimate.t", np.empty(0)).tolist()
+        return float(np.mean([log.status(t).usable for t in times])) if times else 0.0
 
     def status(self, t: float) -> str:
         """Status of the estimators at ``t`` [s]: the first that is not OK, or nothing."""

@@ -21,7 +21,7 @@ from mathnavi.sim.records.timing import read_timing, slow_components
 MOST_POINTS = 1200  # of a curve
 MOST_FACTS = 8
 DEVIATIONS = 2.0  # half the height of the band about an estimate, in standard deviations of its covariance
-TRUE, ESTIMATED_WORD = "truth", "estimate"
+ESTIMATED_WORD = "estimate"
 LEFT_OUT, RAISED = "left_out", 0.8  # name of the flags of channels, and rise of the line of one that is left out
 _NOT_FURTHER = ("t", "x", "unused", "deviation", "covariance")  # arrays of an estimate that are not figures besides it
 TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE]
@@ -104,19 +104,23 @@ def state_charts(run: GenericRun) -> list[Chart]:
         ]
     found = estimates(log, run.signals[name])
     return [
-        Chart(title, unit, _lines(columns, log.t, log.x, found if found is not None and found.whole else None))
+        Chart(
+            title,
+            unit,
+            _lines(columns, log.t, log.x, found if found is not None and found.whole else None, run.truth_word),
+        )
         for title, unit, columns in grouped(run.states[name], run.signals[name].groups)
     ]
 
 
 def estimate_charts(run: GenericRun) -> list[Chart]:
-    """Charts of an estimate that is not of the whole state, with the truth where it is declared, of a single vehicle."""
+    """Charts of an estimate that is not of the whole state, with the truth where it is known, of a single vehicle."""
     name, log = next(iter(run.vehicles.items()))
     found = estimates(log, run.signals[name]) if len(run.vehicles) == 1 else None
     if found is None or found.whole:
         return []
     return [
-        Chart(title, unit, _lines(columns, log.t, found.truth, found))
+        Chart(title, unit, _lines(columns, log.t, found.truth, found, run.truth_word))
         for title, unit, columns in grouped(found.names, run.signals[name].groups)
     ]
 
@@ -174,12 +178,16 @@ def _is_drawn(values: Array, names: Sequence[str], count: int) -> bool:
     return drawn and bool(np.isfinite(values).any())
 
 
-def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:
-    """Truth (n, nx) at ``t`` (n,) and estimate of the numbers of one chart, with a band of two deviations about it."""
+def _lines(
+    columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None, word: str
+) -> list[Series]:
+    """Truth (n, nx) at ``t`` (n,), called ``word``, and estimate of the numbers of one chart, with a band of two
+    deviations about it.
+    """
     several, series = len(columns) > 1, []
     for number, (k, called) in enumerate(columns):
         if np.isfinite(truth[:, k]).any():
-            name = called if several else "" if found is None else TRUE
+            name = called if several else "" if found is None else word
             series.append(curve(name, vehicle_colour(number) if several else TRUTH, t, truth[:, k]))
     for number, (k, called) in enumerate(columns):
         if found is not None:

@@ -28,15 +28,14 @@ from mathnavi.models.angles import wrapped
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.logs.recorded_log import Channel, Disorder, RecordedLog
 from mathnavi.sim.records.attitude_figures import continued, is_quaternion
+from mathnavi.sim.records.documents import LOG_SCENARIO
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, UNUSED_READINGS, UNUSED_REASONS
 from mathnavi.sim.records.log_arrays import SAMPLED
 from mathnavi.sim.records.plan_record import plan_record
 from mathnavi.sim.records.reference_figures import reference_figures, usable_figures
-from mathnavi.sim.records.run_folder import read_log, read_record, read_signal_names
+from mathnavi.sim.records.run_folder import read_log, read_signal_names
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog
 
-SCENARIO = "recorded-log"
-"""name in config.json in place of a scenario"""
 VEHICLE = "vehicle"
 _GAP, _NOTE = "log-gap", "log-note"  # kinds of events
 _NOT_KEPT = ("version", UNUSED_READINGS, UNUSED_REASONS)  # figures of a simulated run that are of its estimator
@@ -131,7 +130,7 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
         "facts": dict(log.facts),
         "notes": notes,
     }
-    config = {"scenario": SCENARIO, "seed": 0, "fields": fields, "mission": {}, "inputs": {"file": digest}}
+    config = {"scenario": LOG_SCENARIO, "seed": 0, "fields": fields, "mission": {}, "inputs": {"file": digest}}
     timings = [log.channels[name].timing for name in used]
     summary = {
         "log_time_s": float(since[-1]),
@@ -208,12 +207,6 @@ def _first_doubled(t: Array) -> int:
     return int(np.argmax(again))
 
 
-def is_imported(folder: Path) -> bool:
-    """True for the folder of a run that was imported from a log."""
-    config, _, _ = read_record(folder)
-    return config.get("scenario") == SCENARIO
-
-
 def sensor_log_of(folder: Path) -> SensorLog:
     """Return the log in the folder of a run, as estimators take it: its times, readings and inputs.
 
@@ -224,7 +217,7 @@ def sensor_log_of(folder: Path) -> SensorLog:
     if not readings:
         raise RunFolderError(f"{folder} has no readings; allowed: a run with sensors")
     fields = log.config.get("fields", {})
-    start = Decimal(str(fields.get("start", "0"))) if log.config.get("scenario") == SCENARIO else Decimal(0)
+    start = Decimal(str(fields.get("start", "0"))) if log.config.get("scenario") == LOG_SCENARIO else Decimal(0)
     inputs = log.u if log.u.shape[1] else None
     return SensorLog(log.t, readings, inputs, str(folder), start)
 
@@ -255,17 +248,18 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
         signals={vehicle: signals},
     )  # fmt: skip
     config = {key: value for key, value in log.config.items() if key not in ("versions", "machine")}
-    if config["scenario"] == SCENARIO:
+    summary = dict(log.summary)
+    if config["scenario"] == LOG_SCENARIO:
         config["mission"] = plain(plan_record(mission))
-        summary = {key: value for key, value in log.summary.items() if key in SUMMARY_GROUPS["log"]}
-    else:
-        summary = {key: value for key, value in log.summary.items() if key not in _NOT_KEPT}
+        summary = {key: value for key, value in summary.items() if key in SUMMARY_GROUPS["log"]}
     if log.x.shape[1] == found.x.shape[1]:
-        summary |= reference_figures(found, log.t, log.x, signals.states)
+        figures: dict[str, Any] = dict(reference_figures(found, log.t, log.x, signals.states))
     else:
-        summary |= usable_figures(found)
+        figures = dict(usable_figures(found))
     if COUNTS in found.extra or found.unused:
-        summary[UNUSED_READINGS] = float(sum(found.unused.values()))
+        figures[UNUSED_READINGS] = float(sum(found.unused.values()))
     if found.unused:
-        summary[UNUSED_REASONS] = unused_text(found.unused)
+        figures[UNUSED_REASONS] = unused_text(found.unused)
+    rest = {key: value for key, value in summary.items() if key not in (*figures, *_NOT_KEPT)}
+    summary = {**figures, **rest}
     return ImportedLog({**config, "estimator": dict(estimator), "recorded": str(folder)}, summary, recording)

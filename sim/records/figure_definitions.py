@@ -16,12 +16,12 @@ DEFINITIONS: dict[str, str] = {
     # estimate
     "converged": "The error of the estimate is within its limits over the last part of the run.",
     "position_rms_m": (
-        "Root mean square error of the estimated position, over the last quarter of the run; of a log while the estimate is "
-        "usable."
+        "Root mean square error of the estimated position, over the last quarter of the run; of a log while the "
+        "estimate is usable."
     ),
     "heading_rms_deg": (
-        "Root mean square error of the estimated heading, over the last quarter of the run; of a log while the estimate is "
-        "usable."
+        "Root mean square error of the estimated heading, over the last quarter of the run; of a log while the "
+        "estimate is usable."
     ),
     "inclination_rms_deg": "Root mean square angle between the estimated vertical and that of the reference.",
     "heading_drift_rms_deg": (

@@ -10,8 +10,8 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "inclination_rms_deg", "heading_drift_rms_deg", "attitude_rms_deg",
-        "heading_error_max_deg", "nees_mean", "usable_share", "wrong_share", "observable", "lost_ranges", "left_out_beacons",
-        "initialising_s", "lost_s",
+        "heading_error_max_deg", "nees_mean", "usable_share", "wrong_share", "observable", "lost_ranges",
+        "left_out_beacons", "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
         "escape_time_s", "degraded_s", "beacons_found", "beacon_error_max_m", "beacon_deviation_max_m", "beacon_places",

@@ -12,13 +12,14 @@ from mathnavi.renders.plan import DEVIATIONS, deviation
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.scene.arrows import lifted, sequence, thinned_rows
 from mathnavi.renders.scene.cameras import framing_camera
-from mathnavi.renders.scene.elements import INK_COLOUR, MOST_POSES, Framed, Layer, Lines, Mark, Motion, Scene
+from mathnavi.renders.scene.elements import INK_COLOUR, MOST_POSES, Framed, Layer, Lines, Mark, Motion, Scene, Surface
 
 FIELD_OF_VIEW, FREE = 30.0, Box(0.08, 0.92, 0.1, 0.9)
 SIGHTS = {"top": (90.0, -89.9), "slant": (80.0, -50.0)}  # [degrees] azimuth and elevation of the cameras
 MOST_FRAMES = 300  # of the places of beacons
 CROSS = 0.008  # half the length of a cross where a beacon was found, in diagonals of the plan
 WALLS = Layer("walls")
+FLOOR, BELOW, FLOOR_COLOUR = 0.6, 2e-4, (0.93, 0.93, 0.90)  # margin and depth of the floor, in diagonals of the plan
 
 
 def plan_scene(title: str, duration: float, plan: LogPlan) -> Scene:
@@ -31,7 +32,7 @@ def plan_scene(title: str, duration: float, plan: LogPlan) -> Scene:
         offsets = np.cumsum([0, *map(len, outlines)])
         lines.append(Lines(WALLS, np.vstack(outlines), offsets, WALLS.colour, 3.0))
     paths = (
-        (REFERENCE, "reference", plan.t, plan.reference),
+        (REFERENCE, SceneElement.REFERENCE.value, plan.t, plan.reference),
         (ESTIMATE, ESTIMATE.value, plan.t_estimate, plan.estimate),
     )
     for part, name, t, places in paths:
@@ -49,7 +50,15 @@ def plan_scene(title: str, duration: float, plan: LogPlan) -> Scene:
         Mark(f"beacon {i}, σ {deviation(P):.2g} m", COLOURS[ESTIMATE], np.array([*place, 0.0]), dot=False)
         for i, (place, P) in plan.last_found.items()
     ]
-    return Scene(title, duration, cameras, motions, (), [*lines, *_found(plan, duration)], marks)
+    return Scene(title, duration, cameras, motions, [_floor(plan)], [*lines, *_found(plan, duration)], marks)
+
+
+def _floor(plan: LogPlan) -> Surface:
+    """A plain floor below the plan."""
+    size = float(np.linalg.norm(np.ptp(plan.points, axis=0)))
+    low, high = plan.points.min(axis=0) - FLOOR * size, plan.points.max(axis=0) + FLOOR * size
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    return Surface(lifted(corners, -BELOW * size), np.array([[0, 1, 2], [0, 2, 3]]), FLOOR_COLOUR, glow=1.0)
 
 
 def _path(layer: Layer, t: Array, places: Array, jump: float) -> Lines:

@@ -109,7 +109,7 @@ class RecordedEstimates:
     x: Array  # (k, m)
     names: tuple[str, ...]  # (m,) with units
     truth: Array  # (n, m) at the samples of the log; NaN where it is not known
-    error: Array  # (k, m) estimate less truth, angles of a part of the state from -pi to pi
+    error: Array  # (k, m) estimate less truth, angles of a log or of a part of the state from -pi to pi
     deviation: Array | None  # (k, m) by its covariance; None if it has none
     whole: bool  # whether its numbers are the states
 
@@ -122,7 +122,10 @@ def estimates(log: RunLog, signals: SignalNames) -> RecordedEstimates | None:
     size, rows = x.shape[1], np.clip(np.searchsorted(log.t, t + 1e-9, side="right") - 1, 0, len(log.t) - 1)
     names = signals.of_estimate(size) or tuple(f"estimate {k + 1}" for k in range(size))
     if names == signals.states:
-        return RecordedEstimates(t, x, names, log.x, x - log.x[rows], _deviation(log, x), True)
+        error = x - log.x[rows]
+        if log.config["scenario"] == LOG_SCENARIO:  # the reference of an angle may be a turn off
+            error = np.column_stack([difference(name, x[:, k], log.x[rows, k]) for k, name in enumerate(names)])
+        return RecordedEstimates(t, x, names, log.x, error, _deviation(log, x), True)
     known = {name: log.x[:, k] for k, name in enumerate(signals.states)}
     estimands = log.arrays.get(ESTIMANDS)
     if estimands is not None and estimands.shape[1] == len(signals.estimands):

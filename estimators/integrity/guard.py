@@ -59,7 +59,7 @@ _WORDS = {
     MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning",
     SEPARATED: "an estimate that trusts less",
 }  # fmt: skip
-_STATISTIC, _LEVELS = ("integrity, worst test [-]",), ("protection, position [m]", "protection, heading [rad]")
+_STATISTIC, _LEVELS = ("integrity, statistic [-]",), ("protection, position [m]", "protection, heading [rad]")
 
 
 class Guarded:

@@ -17,6 +17,7 @@ from mathnavi.renders.generic.log_plan import MovingPlan, log_plan
 from mathnavi.renders.generic.run_data import REFERENCE_WORD, TRUTH_WORD, GenericRun
 from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.scene.charts import (
+    LEFT_OUT_TITLE,
     estimate_charts,
     figure_charts,
     input_charts,
@@ -40,8 +41,10 @@ def states_figure(run: GenericRun, most: int = MOST_ROWS) -> Figure:
 
 
 def _charts(run: GenericRun) -> list[Chart]:
-    """Charts of a run; of a log with neither reference nor estimate, those of its readings."""
-    charts = [*estimate_charts(run), *state_charts(run), *figure_charts(run)]
+    """Charts of a run, first of what was left out; of a log with neither reference nor estimate, of its readings."""
+    further = figure_charts(run)
+    left_out = [chart for chart in further if chart.title == LEFT_OUT_TITLE]
+    charts = [*left_out, *estimate_charts(run), *state_charts(run), *further[len(left_out) :]]
     return charts or [*input_charts(run), *reading_charts(run)]
 
 

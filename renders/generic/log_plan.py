@@ -103,8 +103,12 @@ def log_plan(run: GenericRun) -> LogPlan | None:
 
 
 def _position(names: Sequence[str]) -> list[int]:
-    """Columns of a position among numbers called "name [unit]"; none where there are not two lengths."""
+    """Columns of a position among numbers called "name [unit]": of two lengths, or of x and y without a unit, which are
+    in SI units; none otherwise.
+    """
     columns = [k for k, name in enumerate(names) if name_and_unit(name)[1] == "m"][:2]
+    if not columns:
+        columns = [names.index(axis) for axis in ("x", "y") if axis in names]
     return columns if len(columns) == 2 else []
 
 
@@ -176,6 +180,6 @@ def draw_plan(axes: Axes, plan: LogPlan) -> None:
     known = np.flatnonzero(np.isfinite(plan.path).all(axis=1))
     draw_end(axes, "start", plan.path[known[0]], filled=False)
     draw_end(axes, "end", plan.path[known[-1]], filled=True)
-    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="Path")
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.margins(0.06)
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2)

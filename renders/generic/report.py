@@ -113,9 +113,11 @@ def _of_plan(plan: LogPlan) -> str:
     parts = ["the reference"] * bool(plan.reference.shape[1])
     parts += ["the estimate where it may be used"] * bool(np.isfinite(plan.estimate).any())
     parts += ["the walls"] * (plan.wall is not None) + ["the beacons by their numbers"] * bool(plan.beacons)
-    ellipses = f" and the ellipse of {DEVIATIONS_OF_PLACES:g}"
-    parts += [f"beacons as they were found, each with its standard deviation{ellipses}"] * bool(plan.last_found)
-    return f"Seen from above: {', '.join(parts)}."
+    sigmas = f"each with its standard deviation and the ellipse of {DEVIATIONS_OF_PLACES:g} of them"
+    parts += [f"beacons as they were found, {sigmas}"] * bool(plan.last_found)
+    missing = [str(i) for i in range(plan.places.shape[1]) if not (i in plan.beacons or i in plan.last_found)]
+    more = f" Beacons that were not found by the end: {', '.join(missing)}." if missing else ""
+    return f"Seen from above: {', '.join(parts)}.{more}"
 
 
 def _of_estimates(found: RecordedEstimates | None, truth: str) -> str:

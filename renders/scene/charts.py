@@ -23,6 +23,7 @@ MOST_FACTS = 8
 DEVIATIONS = 2.0  # half the height of the band about an estimate, in standard deviations of its covariance
 ESTIMATED_WORD = "estimate"
 LEFT_OUT, RAISED = "left_out", 0.8  # name of the flags of channels, and rise of the line of one that is left out
+LEFT_OUT_TITLE = "left out while raised"
 _NOT_FURTHER = ("t", "x", "unused", "deviation", "covariance")  # arrays of an estimate that are not figures besides it
 TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE]
 
@@ -167,7 +168,7 @@ def _left_out(names: Sequence[str], t: Array, columns: Array) -> list[Chart]:
         curve(names[k], vehicle_colour(number), t, k + RAISED * (columns[:, k] > 0.0), step=True)
         for number, k in enumerate(ever)
     ]
-    return [Chart("left out while raised", "", lines)] if lines else []
+    return [Chart(LEFT_OUT_TITLE, "", lines)] if lines else []
 
 
 def _is_drawn(values: Array, names: Sequence[str], count: int) -> bool:

@@ -227,7 +227,7 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
 
     ``estimator`` is its record in config.json; that of a recorded log has the walls and beacons of the ``mission`` too.
     The summary has its figures against the reference, if the log has one of as many numbers
-    (``mathnavi.sim.records.reference_figures``), and none of an estimator before it.
+    or of some of the same names (``mathnavi.sim.records.reference_figures``), and none of an estimator before it.
     """
     log = read_log(folder)
     ((vehicle, signals),) = read_signal_names(folder).items()
@@ -252,14 +252,23 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
     if config["scenario"] == LOG_SCENARIO:
         config["mission"] = plain(plan_record(mission))
         summary = {key: value for key, value in summary.items() if key in SUMMARY_GROUPS["log"]}
-    if log.x.shape[1] == found.x.shape[1]:
-        figures: dict[str, Any] = dict(reference_figures(found, log.t, log.x, signals.states))
-    else:
-        figures = dict(usable_figures(found))
+    compared = found if log.x.shape[1] == found.x.shape[1] else _part(found, signals.states)
+    figures: dict[str, Any] = dict(usable_figures(found))
+    if compared is not None:
+        figures = dict(reference_figures(compared, log.t, log.x, signals.states))
     if COUNTS in found.extra or found.unused:
-        figures[UNUSED_READINGS] = float(sum(found.unused.values()))
+        figures[UNUSED_READINGS] = sum(found.unused.values())
     if found.unused:
         figures[UNUSED_REASONS] = unused_text(found.unused)
     rest = {key: value for key, value in summary.items() if key not in (*figures, *_NOT_KEPT)}
     summary = {**figures, **rest}
     return ImportedLog({**config, "estimator": dict(estimator), "recorded": str(folder)}, summary, recording)
+
+
+def _part(found: EstimateHistory, names: Sequence[str]) -> EstimateHistory | None:
+    """The numbers of estimates that have ``names``, those of a reference of fewer numbers; None if one is missing."""
+    if not names or set(names) - set(found.names):
+        return None
+    columns = [found.names.index(name) for name in names]
+    covariance = found.covariance[:, columns][:, :, columns]
+    return replace(found, x=found.x[:, columns], covariance=covariance, names=tuple(names))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 # Readable names of the summary's figures, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "impact": (
@@ -92,6 +94,11 @@ def label(key: str) -> tuple[str, str]:
         return LABELS[key]
     end = next((end for end in UNITS if key.endswith(end)), "")
     return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
+
+
+def rest_heading(summary: Mapping[str, object]) -> str:
+    """Return the heading of figures of no group: those that a scenario has made, or the reference of a log."""
+    return "reference" if "log_time_s" in summary else "scenario"
 
 
 def is_wall_clock(key: str) -> bool:

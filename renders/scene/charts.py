@@ -103,14 +103,15 @@ def state_charts(run: GenericRun) -> list[Chart]:
             )
             for k, words in enumerate(run.states[name])
         ]
-    found = estimates(log, run.signals[name])
+    found, names, x = estimates(log, run.signals[name]), run.states[name], log.x
+    if found is not None and not found.whole:
+        if run.is_log:  # the numbers of a reference are drawn with those of the estimate that have their names
+            kept = [k for k, words in enumerate(names) if words not in found.names]
+            names, x = tuple(names[k] for k in kept), x[:, kept]
+        found = None
     return [
-        Chart(
-            title,
-            unit,
-            _lines(columns, log.t, log.x, found if found is not None and found.whole else None, run.truth_word),
-        )
-        for title, unit, columns in grouped(run.states[name], run.signals[name].groups)
+        Chart(title, unit, _lines(columns, log.t, x, found, run.truth_word))
+        for title, unit, columns in grouped(names, run.signals[name].groups)
     ]
 
 

@@ -86,8 +86,9 @@ def of_estimator(event: Event, others: Collection[str] = ()) -> bool:
 
 
 def with_origin(events: Sequence[Event], config: Mapping[str, Any]) -> list[tuple[Event, str]]:
-    """Return events with what they belong to: "estimate" or "flight", "log" of a recorded log, where the estimator of a
-    run did not fly it, but ran over its readings (``config`` names the folder of the flight as "recorded"); "" for any other run.
+    """Return events with what they belong to where the estimator of a run did not fly it, but ran over its readings
+    (``config`` names the folder of the flight as "recorded"): "estimate" or "flight", of a recorded log "log"; "" for
+    any other run.
     """
     if config.get("recorded") is None:
         return [(event, "") for event in events]

@@ -40,7 +40,7 @@ REST = 1.0  # [s] at the end, before it begins again
 MOST_POINTS = 300  # of a path
 PATH = (0.93, 0.45, 0.05, 1.0)  # colour
 DISTANCE = 12.0  # of the camera, in sizes of a vehicle
-NO_MODEL = "allowed: `mathnavi view DIR --web`, which shows its plan and charts, `mathnavi report DIR`"
+NO_MODEL = "allowed: `mathnavi view DIR --web`, which shows its plan and charts, or `mathnavi report DIR`"
 NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi render DIR` for a video"
 
 

@@ -21,6 +21,7 @@ from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.ranging import shapes
 
 DEVIATIONS = 3.0  # of an ellipse
+NEAR, OFFSET = 0.1, 13.0  # of the extent of all beacons, within which numbers give way; [points] from a place
 _ESTIMATE, _BEACON = colour_of(SceneElement.ESTIMATE), colour_of(SceneElement.BEACON)
 Found = Mapping[int, tuple[Array, Array]]
 """place (2,) [m] and covariance (2, 2) [m^2] of each beacon that was found, by its number"""
@@ -54,7 +55,22 @@ def draw_beacons(axes: Axes, places: Mapping[int, Array]) -> None:
         *np.array(list(places.values())).T, "D", ms=6, color=_BEACON, mec=INK, mew=0.6, ls="", label="beacon", zorder=4
     )
     for number, place in places.items():
-        name_at(axes, str(number), place)
+        others = np.array([each for other, each in places.items() if other != number]).reshape(-1, 2)
+        axes.annotate(
+            str(number), tuple(place), _away(place, others), textcoords="offset points", ha="center", va="center",
+            zorder=6,
+        )  # fmt: skip
+
+
+def _away(place: Array, others: Array) -> tuple[float, float]:
+    """Offset [points] of a number: above its place (2,), or away from the nearest of the others (m, 2) that is near."""
+    reach = float(np.linalg.norm(np.ptp(np.vstack([place, others]), axis=0))) * NEAR
+    near = others[np.linalg.norm(others - place, axis=1) < reach] if len(others) else others
+    if not len(near):
+        return 0.0, OFFSET
+    direction = place - near.mean(axis=0)
+    length = float(np.linalg.norm(direction))
+    return (0.0, OFFSET) if length < 0.05 * reach else tuple((OFFSET * direction / length).tolist())
 
 
 def draw_found(axes: Axes, found: Found, *, named: bool) -> None:

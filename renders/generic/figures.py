@@ -30,6 +30,7 @@ MOST_ROWS = 12  # of charts in a figure; of more the first ones are drawn
 MOST_NAMED = 8  # lines of a chart that are named beside it
 WIDTH, ROW, PLAN_HIGH = 9.4, 1.25, 4.0  # [inches]; least height of a plan
 BAND = 0.18  # opacity
+SMALL = 8.0  # [points] of the titles of charts beside a plan, which are less high
 TRUTHS = (TRUTH_WORD, REFERENCE_WORD)
 
 
@@ -59,6 +60,8 @@ def board_figure(run: GenericRun, most: int) -> tuple[Figure, MovingPlan | None]
         left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.1))
         moving = MovingPlan(left.add_subplot(), plan)
         _draw_charts(right, charts, run.duration)
+        for axes in right.axes:
+            axes.yaxis.label.set_size(SMALL)
     return figure, moving
 
 

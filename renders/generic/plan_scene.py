@@ -19,7 +19,7 @@ SIGHTS = {"top": (90.0, -89.9), "slant": (80.0, -50.0)}  # [degrees] azimuth and
 MOST_FRAMES = 300  # of the places of beacons
 CROSS = 0.008  # half the length of a cross where a beacon was found, in diagonals of the plan
 WALLS = Layer("walls")
-FLOOR, BELOW, FLOOR_COLOUR = 0.6, 2e-4, (0.93, 0.93, 0.90)  # margin and depth of the floor, in diagonals of the plan
+FLOOR, BELOW, FLOOR_COLOUR = 1.5, 2e-4, (0.93, 0.93, 0.90)  # margin and depth of the floor, in diagonals of the plan
 
 
 def plan_scene(title: str, duration: float, plan: LogPlan) -> Scene:

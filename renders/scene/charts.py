@@ -23,6 +23,7 @@ MOST_FACTS = 8
 DEVIATIONS = 2.0  # half the height of the band about an estimate, in standard deviations of its covariance
 ESTIMATED_WORD = "estimate"
 LEFT_OUT, RAISED = "left_out", 0.8  # name of the flags of channels, and rise of the line of one that is left out
+PLACES = "beacons"  # name of the places of beacons, as an estimator among unknown ones has them
 LEFT_OUT_TITLE = "left out while raised"
 _NOT_FURTHER = ("t", "x", "unused", "deviation", "covariance")  # arrays of an estimate that are not figures besides it
 TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE]
@@ -141,6 +142,10 @@ def figure_charts(run: GenericRun) -> list[Chart]:
             continue
         columns = values.reshape(len(t), -1)
         if len(named) == columns.shape[1]:
+            if own == PLACES:  # those of beacons at known places never change
+                low, high = np.nanmin(columns, axis=0, initial=np.inf), np.nanmax(columns, axis=0, initial=-np.inf)
+                moving = np.flatnonzero(high > low).tolist()
+                named, columns = tuple(named[k] for k in moving), columns[:, moving]
             charts += _left_out(named, t, columns) if own == LEFT_OUT else _named(named, t, columns)
             continue
         lines = [

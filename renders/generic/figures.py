@@ -57,11 +57,12 @@ def board_figure(run: GenericRun, most: int) -> tuple[Figure, MovingPlan | None]
     with matplotlib.rc_context(STYLE):
         charts = _charts(run)[:most]
         figure = canvas(1.5 * WIDTH, max(0.5 + ROW * len(charts), PLAN_HIGH))
-        left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.1))
+        grid = figure.add_gridspec(1, 2, width_ratios=(1.0, 1.1))
+        left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
         moving = MovingPlan(left.add_subplot(), plan)
         _draw_charts(right, charts, run.duration)
         for axes in right.axes:
-            axes.yaxis.label.set_size(SMALL)
+            axes.yaxis.label.set_fontsize(SMALL)
     return figure, moving
 
 

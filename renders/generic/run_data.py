@@ -58,7 +58,7 @@ class GenericRun:
     @property
     def is_log(self) -> bool:
         """True for a recorded log: nothing was simulated, no mission was flown."""
-        return self.config["scenario"] == LOG_SCENARIO
+        return str(self.config["scenario"]) == LOG_SCENARIO
 
     @property
     def title(self) -> str:

@@ -29,8 +29,8 @@ SMALLEST = 0.05  # of the extent: a vehicle that is smaller is seen from as far 
 def generic_scene(run: GenericRun) -> Scene:
     """Return the scene of a run; of a log its plan, of another run without a recorded scene charts alone."""
     if run.scene is None:
-        plan = log_plan(run)
-        return Scene(run.title, run.duration, ()) if plan is None else plan_scene(run.title, run.duration, plan)
+        seen = log_plan(run)
+        return Scene(run.title, run.duration, ()) if seen is None else plan_scene(run.title, run.duration, seen)
     scene = run.scene
     a, t = scene.arrays, scene.t
     several = len(scene.vehicles) > 1

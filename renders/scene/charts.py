@@ -170,10 +170,8 @@ def _left_out(names: Sequence[str], t: Array, columns: Array) -> list[Chart]:
     (k, l), 1 while a channel is left out; none if all were always used.
     """
     ever = np.flatnonzero((columns > 0.0).any(axis=0)).tolist()
-    lines = [
-        curve(names[k], vehicle_colour(number), t, k + RAISED * (columns[:, k] > 0.0), step=True)
-        for number, k in enumerate(ever)
-    ]
+    heights: Array = np.arange(columns.shape[1], dtype=np.float64) + np.where(columns > 0.0, RAISED, 0.0)
+    lines = [curve(names[k], vehicle_colour(number), t, heights[:, k], step=True) for number, k in enumerate(ever)]
     return [Chart(LEFT_OUT_TITLE, "", lines)] if lines else []
 
 

@@ -19,7 +19,7 @@ from mathnavi.interfaces.signal_names import SignalNames, name_and_unit
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.wall import Wall
 from mathnavi.renders.figures import STYLE, canvas, colour_of, thinned
-from mathnavi.renders.generic.run_data import GenericRun, estimates
+from mathnavi.renders.generic.run_data import GenericRun, estimates, usable
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.plan import Found, draw_beacons, draw_end, draw_found, draw_line, draw_wall
 from mathnavi.sim.records.missions import read_mission
@@ -118,8 +118,7 @@ def _estimated(log: RunLog, signals: SignalNames) -> tuple[Array, Array]:
     position = [] if found is None else _position(found.names)
     if found is None or not position:
         return np.empty(0), np.empty((0, 2))
-    usable = np.array([log.status(float(t)).usable for t in found.t], dtype=bool)
-    return found.t, np.where(usable[:, None], found.x[:, position], np.nan)
+    return found.t, np.where(usable(log, found.t)[:, None], found.x[:, position], np.nan)
 
 
 def _places(log: RunLog, count: int, rows: int) -> tuple[Array, Array]:

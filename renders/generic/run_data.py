@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.signal_names import SignalNames, difference
 from mathnavi.interfaces.signals import Array, Event, Status
@@ -90,8 +91,8 @@ class GenericRun:
     def usable_share(self) -> float:
         """Share of the estimates of a single vehicle that may be used; 0 without any."""
         log = next(iter(self.vehicles.values()))
-        times = log.arrays.get("estimate.t", np.empty(0)).tolist()
-        return float(np.mean([log.status(t).usable for t in times])) if times else 0.0
+        times = log.arrays.get("estimate.t", np.empty(0))
+        return float(usable(log, times).mean()) if len(times) else 0.0
 
     def status(self, t: float) -> str:
         """Status of the estimators at ``t`` [s]: the first that is not OK, or nothing."""
@@ -109,13 +110,13 @@ class RecordedEstimates:
     x: Array  # (k, m)
     names: tuple[str, ...]  # (m,) with units
     truth: Array  # (n, m) at the samples of the log; NaN where it is not known
-    error: Array  # (k, m) estimate less truth, angles of a log or of a part of the state from -pi to pi
+    error: Array  # (k, m) estimate less truth, angles of a log or a part of the state from -pi to pi
     deviation: Array | None  # (k, m) by its covariance; None if it has none
     whole: bool  # whether its numbers are the states
 
 
 def estimates(log: RunLog, signals: SignalNames) -> RecordedEstimates | None:
-    """Return the estimates of a vehicle; None without any."""
+    """Return the estimates of a vehicle; None without any. Of a log there is no error while one may not be used."""
     t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
     if t is None or x is None or x.ndim != 2 or not x.size:
         return None
@@ -125,6 +126,7 @@ def estimates(log: RunLog, signals: SignalNames) -> RecordedEstimates | None:
         error = x - log.x[rows]
         if log.config["scenario"] == LOG_SCENARIO:  # the reference of an angle may be a turn off
             error = np.column_stack([difference(name, x[:, k], log.x[rows, k]) for k, name in enumerate(names)])
+            error[~usable(log, t)] = np.nan
         return RecordedEstimates(t, x, names, log.x, error, _deviation(log, x), True)
     known = {name: log.x[:, k] for k, name in enumerate(signals.states)}
     estimands = log.arrays.get(ESTIMANDS)
@@ -132,7 +134,14 @@ def estimates(log: RunLog, signals: SignalNames) -> RecordedEstimates | None:
         known |= {name: estimands[: len(log.t), k] for k, name in enumerate(signals.estimands)}
     truth = np.column_stack([known.get(name, np.full(len(log.t), np.nan)) for name in names])
     error = np.column_stack([difference(name, x[:, k], truth[rows, k]) for k, name in enumerate(names)])
+    if log.config["scenario"] == LOG_SCENARIO:
+        error[~usable(log, t)] = np.nan
     return RecordedEstimates(t, x, names, truth, error, _deviation(log, x), False)
+
+
+def usable(log: RunLog, t: Array) -> NDArray[np.bool_]:
+    """True (k,) where the estimates at t (k,) [s] may be used."""
+    return np.array([log.status(each).usable for each in t.tolist()], dtype=bool)
 
 
 def _deviation(log: RunLog, x: Array) -> Array | None:

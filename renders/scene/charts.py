@@ -255,13 +255,14 @@ def reading_charts(run: GenericRun) -> list[Chart]:
         names = run.signals[name].readings.get(sensor, ())
         names = names if len(names) == size else numbered(sensor, size)
         units = {name_and_unit(words)[1] for words in names}
-        lines = [
-            curve(
-                "" if size == 1 else name_and_unit(words)[0] if len(units) == 1 else words,
-                _colour(k, size), log.t[read], values[read, k],
-            )
-            for k, words in enumerate(names)
-        ]  # fmt: skip
+        lines = []
+        for k, words in enumerate(names):
+            called = "" if size == 1 else name_and_unit(words)[0] if len(units) == 1 else words
+            rows = np.flatnonzero(read)
+            known = np.isfinite(values[rows, k])
+            if not (known[1:] & known[:-1]).any():  # of beacons read one after the other there is no line otherwise
+                rows = rows[known]
+            lines.append(curve(called, _colour(k, size), log.t[rows], values[rows, k]))
         charts.append(Chart(sensor.replace("_", " "), next(iter(units)) if len(units) == 1 else "", lines))
     return charts
 

@@ -21,7 +21,7 @@ from mathnavi.renders.generic.figures import board_figure
 from mathnavi.renders.generic.log_plan import LogPlan, log_plan, plan_figure
 from mathnavi.renders.generic.run_data import load_run
 from mathnavi.renders.report import write_report
-from mathnavi.renders.scene.charts import figure_charts, state_charts
+from mathnavi.renders.scene.charts import figure_charts, reading_charts, state_charts
 from mathnavi.renders.scene.side_by_side import side_by_side
 from mathnavi.renders.web.scene import read_scene
 from mathnavi.sim.logs.imported import with_estimates
@@ -173,9 +173,11 @@ def test_the_browser_shows_it_and_what_runs_share_once(robot: Path) -> None:
     assert [camera.name for camera in scene.cameras] == ["top", "slant"]
     assert [lines.layer.name for lines in scene.lines] == ["reference", "estimate", "beacons as found"]
     assert {mark.text for mark in scene.marks} == {"reference", "estimate", "beacon 0", "beacon 2", "beacon 1, σ 0.5 m"}
-    assert {chart.unit: float(np.abs(chart.series[0].y).max()) for chart in scene.charts if "error" in chart.title} == {
+    errors = {chart.unit: chart.series[0].y for chart in scene.charts if chart.title == "estimate error"}
+    assert {unit: float(np.nanmax(y)) for unit, y in errors.items()} == {
         "m": pytest.approx(0.1 * math.sqrt(2.0)), "rad": pytest.approx(0.0, abs=1e-9),
     }  # fmt: skip
+    assert np.isnan(errors["m"][:FIRST]).all()  # while the estimate may not be used
     again = estimated(robot.with_name("run"), history(NAMES, {}), ROBOT, "again")
     both = side_by_side({name: read_scene(robot.with_name(name)) for name in ("run", "found", again.name)})
     names = [mark.text for mark in both.marks]
@@ -204,6 +206,15 @@ def test_a_reference_of_a_position_alone_is_compared(tmp_path: Path) -> None:
     folder = estimated(imported(tmp_path, NAMES[:2]), history(NAMES, {}), ROBOT)
     assert read_log(folder).summary["position_rms_m"] == pytest.approx(0.1 * math.sqrt(2.0))
     assert state_charts(load_run(folder)) == []  # they are drawn with the estimate
+
+
+def test_beacons_that_are_read_one_after_the_other_have_lines(tmp_path: Path) -> None:
+    rows = [f"{t},{20.0 + k if k % 2 else ''},{'' if k % 2 else 30.0}" for k, t in enumerate(T.tolist())]
+    (tmp_path / "rover.csv").write_text("\n".join(["t,r0,r1", *rows, ""]))
+    words = ["--readings", "beacon_ranges=r0,r1", "--out", str(tmp_path / "run")]
+    assert main(["log", "import", str(tmp_path / "rover.csv"), *words]) == 0
+    (chart,) = reading_charts(load_run(tmp_path / "run"))
+    assert [np.isfinite(series.y).all() and len(series.y) for series in chart.series] == [COUNT // 2, COUNT // 2]
 
 
 def test_a_log_in_the_viewer_is_one_line(robot: Path, capsys: pytest.CaptureFixture[str]) -> None:

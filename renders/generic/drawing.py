@@ -33,6 +33,7 @@ SCENE_CAMERAS = ("fixed", "track", "top")
 LENGTHS = (6.0, 14.0)  # [s of video] least and most of the whole run
 LAST_MOMENT = 2.0  # [s of video] for which its end stays
 MOST_ANNOTATED = 8
+STATUS_CHANGED = "estimator-status"  # kind of event, whose message begins with the status
 TURN = 1.5  # [degrees/s] at which the tracking camera turns
 _CUTS = ((0.0, "fixed"), (0.35, "track"), (0.75, "fixed"))  # shares of the run at which the tour changes the camera
 MOST_VALUES = 2  # of the state, next to the time
@@ -46,10 +47,15 @@ def highlight(run: GenericRun) -> tuple[float, float]:
 
 
 def annotations_of(run: GenericRun) -> list[Annotation]:
-    """Return the annotations of a video, in order of time: the first event of each kind, and how the run ended."""
+    """Return the annotations of a video, in order of time: the first event of each kind, of a log the first time of
+    each status of the estimate, and how the run ended.
+    """
     first: dict[str, float] = {}
     for event in run.events:
-        first.setdefault(described(event)[0], event.t)
+        kind, message = described(event)
+        if run.is_log and event.kind == STATUS_CHANGED:
+            kind = f"estimate {message.partition(':')[0]}"
+        first.setdefault(kind, event.t)
     shown = [(min(t, run.duration), kind) for kind, t in first.items()][:MOST_ANNOTATED]
     return sorted([*shown, (run.duration, verdict(run))])
 
@@ -121,7 +127,7 @@ class Board:
     def __init__(self, run: GenericRun, width: int, height: int, *, brief: bool) -> None:
         inches = BRIEF_INCHES if brief else INCHES_HIGH
         dpi = height / inches
-        figure, plan = board_figure(run, BRIEF_ROWS if brief else MOST_ROWS)
+        figure, plan = board_figure(run, BRIEF_ROWS if brief else MOST_ROWS, brief=brief)
         figure.set_size_inches(width / dpi, inches)
         figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.92))
         figure.set_facecolor("white")

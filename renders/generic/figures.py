@@ -49,8 +49,11 @@ def _charts(run: GenericRun) -> list[Chart]:
     return charts or [*input_charts(run), *reading_charts(run)]
 
 
-def board_figure(run: GenericRun, most: int) -> tuple[Figure, MovingPlan | None]:
-    """The figure of states with ``most`` charts; of a log that has a plan, beside it with what moves on it."""
+def board_figure(run: GenericRun, most: int, *, brief: bool = False) -> tuple[Figure, MovingPlan | None]:
+    """The figure of states with ``most`` charts; of a log that has a plan, beside it with what moves on it.
+
+    A ``brief`` plan is for large letters in a small picture.
+    """
     plan = log_plan(run)
     if plan is None:
         return states_figure(run, most), None
@@ -59,7 +62,7 @@ def board_figure(run: GenericRun, most: int) -> tuple[Figure, MovingPlan | None]
         figure = canvas(1.5 * WIDTH, max(0.5 + ROW * len(charts), PLAN_HIGH))
         grid = figure.add_gridspec(1, 2, width_ratios=(1.0, 1.1))
         left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
-        moving = MovingPlan(left.add_subplot(), plan)
+        moving = MovingPlan(left.add_subplot(), plan, brief=brief)
         _draw_charts(right, charts, run.duration)
         for axes in right.axes:
             axes.yaxis.label.set_fontsize(SMALL)

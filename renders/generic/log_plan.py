@@ -138,9 +138,9 @@ def _places(log: RunLog, count: int, rows: int) -> tuple[Array, Array]:
 class MovingPlan:
     """The plan on axes, with marks where reference and estimate are at a time."""
 
-    def __init__(self, axes: Axes, plan: LogPlan) -> None:
+    def __init__(self, axes: Axes, plan: LogPlan, *, brief: bool = False) -> None:
         self.axes, self._plan = axes, plan
-        draw_plan(axes, plan)
+        draw_plan(axes, plan, brief=brief)
         self.markers = [
             axes.plot([], [], "o", ms=size, color=colour_of(part), mec="white", mew=1.2, zorder=7)[0]
             for part, size in ((REFERENCE, 11.0), (ESTIMATE, 8.0))
@@ -165,8 +165,8 @@ def plan_figure(plan: LogPlan) -> Figure:
     return figure
 
 
-def draw_plan(axes: Axes, plan: LogPlan) -> None:
-    """Draw the plan."""
+def draw_plan(axes: Axes, plan: LogPlan, *, brief: bool = False) -> None:
+    """Draw the plan; a ``brief`` one, for large letters in a small picture, without legend and the ends of the path."""
     if plan.wall is not None:
         draw_wall(axes, plan.wall)
     if plan.reference.shape[1]:
@@ -176,9 +176,11 @@ def draw_plan(axes: Axes, plan: LogPlan) -> None:
         draw_line(axes, plan.estimate, plan.jump, color=colour_of(ESTIMATE), lw=1.3, label="estimate")
     draw_beacons(axes, plan.beacons)
     draw_found(axes, plan.last_found, named=True)
+    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    axes.margins(0.12 if brief else 0.06)
+    if brief:
+        return
     known = np.flatnonzero(np.isfinite(plan.path).all(axis=1))
     draw_end(axes, "start", plan.path[known[0]], filled=False)
     draw_end(axes, "end", plan.path[known[-1]], filled=True)
-    axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    axes.margins(0.06)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2)

@@ -29,6 +29,7 @@ DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
 )  # how a part is drawn; else a line
 TILE = 128  # [pixels] side of the squares in which an overlay is pasted
 ENLARGED = 2.0  # factor of the size of letters in a brief overlay
+MOVED, CLEAR = 48, 3  # [pixels] by which a name may be moved from its place, and between it and what it is clear of
 RING_COLOURS = ((242, 242, 237), (212, 33, 26), (242, 242, 237))  # of a target, from its edge to its middle
 
 
@@ -86,7 +87,7 @@ class OverlayWriter:
         self._plain = {n: ImageFont.truetype(str(folder / "DejaVuSans.ttf"), self._px(n)) for n in (13, 15, 17)}
         self._bold = {n: ImageFont.truetype(str(folder / "DejaVuSans-Bold.ttf"), self._px(n)) for n in (16, 26)}
         self._title_corner = (0.0, 0.0)  # right and lower edge of the title of the picture being written on
-        self._taken: list[tuple[float, float, float, float]] = []  # left, top, right, bottom of annotation and labels
+        self._taken: list[tuple[float, float, float, float]] = []  # left, top, right, bottom of panels and labels
 
     def write(
         self,
@@ -112,6 +113,7 @@ class OverlayWriter:
         """
         canvas = Image.fromarray(picture)
         layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
+        self._taken.clear()
         draw = ImageDraw.Draw(layer)
         if self._brief:
             self._two_numbers(draw, overlay.numbers[:2])
@@ -121,7 +123,6 @@ class OverlayWriter:
             self._numbers(draw, overlay)
             self._legend(draw, overlay.legend)
             self._progress(draw, progress, marks)
-        self._taken.clear()
         self._annotation(draw, annotation)
         for label in labels:  # last, so that nothing covers them
             self._label(draw, label)
@@ -132,24 +133,41 @@ class OverlayWriter:
         return max(1, round(n * self._unit))
 
     def _panel(self, draw: ImageDraw.ImageDraw, box: tuple[float, float, float, float]) -> None:
+        self._taken.append(box)
         draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
 
     def _label(self, draw: ImageDraw.ImageDraw, label: Label) -> None:
-        """Write a name above its place or next to it, inside the picture and clear of the title.
+        """Write a name above its place or next to it, inside the picture and clear of panels and of other names.
 
-        In a brief overlay, the letters of which are large, it is left out where it would cover another one.
+        It is moved up or down where it would cover one, and left out where it would be too far from its place; in a
+        brief overlay, the letters of which are large, it is left out at once.
         """
         font = self._plain[13] if label.small else self._bold[16]
         half, gap = font.getlength(label.text) / 2 + self._px(6), self._px(0 if label.small or label.beside else 20)
         middle = min(max(label.column + half * label.beside, half), self.width - half)
         right, bottom = self._title_corner
+        tall = self._px(10)
         least = bottom + gap if middle - half < right else gap
-        row, tall = max(label.row - gap, least), self._px(10)
-        box = (middle - half, row - tall, middle + half, row + tall)
-        if self._brief and any(_overlap(box, other) for other in self._taken):
+        row = self._free_row(middle, max(label.row - gap, least), half, tall)
+        if row is None:
             return
-        self._taken.append(box)
+        self._taken.append((middle - half, row - tall, middle + half, row + tall))
         draw.text((middle, row), label.text, WHITE, font, "mm", stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210))
+
+    def _free_row(self, middle: float, row: float, half: float, tall: float) -> float | None:
+        """The row nearest to ``row`` at which a name of a half width and a half height covers nothing; None if that is
+        too far away.
+        """
+        clear = tall + self._px(CLEAR)
+        beside = [] if self._brief else [each for box in self._taken for each in (box[1] - clear, box[3] + clear)]
+        for each in sorted([row, *beside], key=lambda other: abs(other - row)):
+            inside = each == row or tall <= each <= self.height - tall
+            if abs(each - row) > self._px(MOVED):
+                return None
+            box = (middle - half, each - tall, middle + half, each + tall)
+            if inside and not any(_overlap(box, other) for other in self._taken):
+                return each
+        return None
 
     def _title(self, draw: ImageDraw.ImageDraw, title: Sequence[str]) -> None:
         pad, edge, row = self._px(11), self._px(18), self._px(24)
@@ -252,7 +270,6 @@ class OverlayWriter:
             if middle - half < right:
                 top = max(top, bottom + self._px(8))
             box = (middle - half, top, middle + half, top + self._px(40))
-            self._taken.append(box)
             self._panel(draw, box)
             draw.text((middle, top + self._px(20)), text, (255, 214, 102, 255), font, "mm")
 

@@ -24,8 +24,16 @@ from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
 from mathnavi.sim.plugin.trust import uninstalled
+from mathnavi.sim.records.documents import LOG_SCENARIO
 from mathnavi.sim.records.event_kinds import event_definition, with_origin
-from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
+from mathnavi.sim.records.figure_names import (
+    PLANNER_STATUS,
+    SHORTFALL,
+    SUMMARY_GROUPS,
+    is_wall_clock,
+    label,
+    rest_heading,
+)
 from mathnavi.sim.records.run_folder import described
 from mathnavi.sim.records.timing import LATENCY, read_timing, slow_components, timing_table
 
@@ -51,7 +59,7 @@ class Headline:
 
     title: str
     verdict: str  # what came out, in a sentence
-    good: bool
+    good: bool | None  # None where that is neither good nor bad
     tiles: Mapping[str, object]  # the few figures that matter most, by name
 
 
@@ -143,7 +151,7 @@ def still_block(directory: Path, camera: str, t: float, alt: str, caption: str) 
 def summary_cards(summary: Mapping[str, Any]) -> Markup:
     """The figures of the summary in their groups."""
     shown = {name: [key for key in group if key in summary] for name, group in SUMMARY_GROUPS.items()}
-    shown["scenario"] = _own_figures(summary)
+    shown[rest_heading(summary)] = _own_figures(summary)
     return page.columns(
         {
             name.capitalize(): page.table((), [(page.term(key), quantity(key, summary[key])) for key in keys])
@@ -165,16 +173,16 @@ def timing_section(directory: Path) -> tuple[Markup, ...]:
 def events_sections(
     events: Sequence[Event], config: Mapping[str, Any], *, by_vehicle: bool = False
 ) -> tuple[Markup, ...]:
-    """The events of a run; those of the flight apart where the estimator did not fly it but ran over its readings."""
+    """The events of a run; those of the flight, or of the log, apart where an estimator ran over its readings."""
     if config.get("recorded") is None:
         return (page.section("Events", events_card(events, by_vehicle=by_vehicle)),)
     origins = with_origin(events, config)
+    what, note = "flight", f"As they were recorded in {config['recorded']}, with the estimator that flew it."
+    if config["scenario"] == LOG_SCENARIO:
+        what, note = "log", "As they were found when the log was imported."
     sections = {
         "Events of the estimate": ([event for event, origin in origins if origin == "estimate"], ""),
-        "Events of the flight": (
-            [event for event, origin in origins if origin == "flight"],
-            f"As they were recorded in {config['recorded']}, with the estimator that flew it.",
-        ),
+        f"Events of the {what}": ([event for event, origin in origins if origin == what], note),
     }
     return tuple(
         page.section(title, *([page.paragraph(note)] if note else []), events_card(of_one, by_vehicle=by_vehicle))
@@ -202,6 +210,8 @@ def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:
 def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     """The command that repeats a run, and its configuration."""
     text = json.dumps(config, indent=2, ensure_ascii=False, default=str)
+    if config["scenario"] == LOG_SCENARIO:
+        return *_estimated_again(config), page.card(page.details("config.json", page.preformatted(text)))
     folder = f"./{directory}" if str(directory).startswith("-") else str(directory)
     command = shlex.join(["mathnavi", "run", str(config["scenario"]), "--from", folder])
     foreign = uninstalled(_plugins(config))
@@ -214,6 +224,20 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
         page.card(page.preformatted(command)),
         *([page.paragraph(caution)] if foreign else []),
         page.card(page.details("config.json", page.preformatted(text))),
+    )
+
+
+def _estimated_again(config: Mapping[str, Any]) -> tuple[Markup, ...]:
+    """The command that runs the estimator of a log over it again; where it is from if none has run."""
+    fields, estimator = config.get("fields", {}), config.get("estimator")
+    if not isinstance(estimator, Mapping) or config.get("recorded") is None:
+        digest = config.get("inputs", {}).get("file", "not recorded")
+        return (page.paragraph(f"Imported from {fields.get('file')}, whose SHA-256 digest is {digest}."),)
+    words = ["mathnavi", "estimate", str(estimator.get("name")), str(config["recorded"])]
+    words += ["--mission", str(estimator.get("mission"))]
+    return (
+        page.paragraph("With the estimator's fields below, the same log and the same mission give the same estimates."),
+        page.card(page.preformatted(shlex.join(words))),
     )
 
 

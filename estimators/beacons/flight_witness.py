@@ -46,6 +46,7 @@ class BeaconWitness(NumberTests):
         n = len(beacons.places)
         self._rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
         axes = tuple(f"fix {axis}" for axis in "xyz") if config.fixes else ()
+        self.levels = ("protection, position [m]", "protection, velocity [m/s]")
         self.names = (*beacons.names(), *axes)
         self._size = rows.size + len(axes)
         channels = np.append(rows.beacons, n + np.arange(len(axes)))

@@ -19,7 +19,7 @@ from mathnavi.estimators.beacons.kernels import DIFFERENCE
 from mathnavi.estimators.beacons.model import BeaconModel
 from mathnavi.estimators.integrity.number_tests import NumberTests
 from mathnavi.estimators.integrity.windows import IMPOSSIBLE, SEPARATED, Flags, Worst
-from mathnavi.estimators.integrity.witness import is_plausible
+from mathnavi.estimators.integrity.witness import POSE_LEVELS, is_plausible
 from mathnavi.estimators.stagewise.model import Piece
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.beacon_names import DIFFERENCES
@@ -43,6 +43,7 @@ class RobotBeaconWitness(NumberTests):
 
     def __init__(self, model: BeaconModel) -> None:
         mission, self._model = model.mission, model
+        self.levels = POSE_LEVELS
         self.names = tuple(f"beacon {i}" for i in range(len(mission.beacons)))
         kinds, channels = zip(*model.entries, strict=True)
         self._differences = np.flatnonzero(np.array(kinds) == DIFFERENCE)

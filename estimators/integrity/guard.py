@@ -60,6 +60,7 @@ _WORDS = {
     MEAN: "the mean error", ENERGY: "the spread", JOINT: "all readings together", RECKONED: "dead reckoning",
     SEPARATED: "an estimate that trusts less",
 }  # fmt: skip
+_STATISTIC = ("integrity, statistic [-]",)
 
 
 class Guarded:
@@ -139,8 +140,10 @@ class Guarded:
 
     @property
     def figures(self) -> Mapping[str, tuple[str, ...]]:
-        """Names of the numbers of further figures of an estimate: those of the estimator, and of the channels."""
-        return {**figure_names(self.estimator), "left_out": tuple(self._now.witness.names)}
+        """Names of the numbers of ``extra``: those of the estimator, and of what the monitor adds."""
+        witness = self._now.witness
+        added = {"left_out": tuple(witness.names), "integrity": _STATISTIC, "protection": witness.levels}
+        return {**figure_names(self.estimator), **added}
 
     @property
     def left_out(self) -> frozenset[int]:

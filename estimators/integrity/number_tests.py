@@ -49,7 +49,7 @@ class NumberTests:
         self._last, self._first, self._moved = (self._nothing.copy() for _ in range(3))
         self._repeats, self._most = np.zeros(size, dtype=np.int64), 0
         self._worst = QUIET
-        self._level = np.full(1, np.nan)
+        self._level = np.full(2, np.nan)
 
     def add(self, e: Array, white: Array) -> None:
         """Add the innovations (m,) of an update, NaN for numbers that were not read, or not used."""
@@ -83,7 +83,7 @@ class NumberTests:
 
     @property
     def protection(self) -> Array:
-        """Not known."""
+        """That of the last estimate."""
         return self._level
 
     def stuck(self) -> list[int]:

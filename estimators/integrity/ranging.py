@@ -26,7 +26,7 @@ from mathnavi.estimators.integrity.windows import (
     Windows,
     Worst,
 )
-from mathnavi.estimators.integrity.witness import is_plausible
+from mathnavi.estimators.integrity.witness import POSE_LEVELS, is_plausible
 from mathnavi.estimators.ranging.model import RangeModel
 from mathnavi.estimators.ranging.reader import ODOMETRY, RANGES, TOO_FAST
 from mathnavi.interfaces.errors import MissionError
@@ -55,6 +55,7 @@ class PoseWitness:
     def __init__(self, mission: RangingMission) -> None:
         model = RangeModel(mission)
         self._rays, self._range_variance = len(model.angles), model.range_variance
+        self.levels = POSE_LEVELS
         self.names = (*(f"ray {i}" for i in range(self._rays)), "odometry")
         self.rebuilt = frozenset({self._rays})
         self._mission = mission

@@ -16,12 +16,18 @@ from mathnavi.interfaces.signals import Array, Estimate, Measurement
 _ROUNDING = 1e-9  # of the largest variance
 
 
+POSE_LEVELS = ("protection, position [m]", "protection, heading [rad]")
+"""names of the numbers of the protection level of a pose"""
+
+
 class Witness(Protocol):
     """Tests of what an estimator publishes, against the readings that it is given; its own state can be copied."""
 
     windows: Windows
     names: tuple[str, ...]
     """names (l,) of the channels, in messages"""
+    levels: tuple[str, ...]
+    """names (k,) of the numbers of the protection level, "name [unit]" """
     rebuilt: frozenset[int]
     """channels that an estimator leaves out if it is built for that: their readings are given to it all the same"""
     strict: bool

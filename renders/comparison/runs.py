@@ -24,8 +24,9 @@ from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
 from mathnavi.renders.generic.run_data import estimates
 from mathnavi.renders.page import Drawn, number
 from mathnavi.renders.statistics_figures import SERIES
+from mathnavi.sim.records.documents import LOG_SCENARIO
 from mathnavi.sim.records.field_names import recorded_fields
-from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label, rest_heading
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_signal_names
 from mathnavi.sim.records.table import Table
 
@@ -55,6 +56,8 @@ def compare_runs(left: Path, right: Path) -> Comparison:
 
 
 def _verdict(one: ComparedRun, other: ComparedRun, names: Names) -> str:
+    if one.config["scenario"] == LOG_SCENARIO:
+        return f"{names[0]} and {names[1]} are recorded logs: no mission was flown."
     ends = [run.summary.get(SHORTFALL) for run in (one, other)]
     if ends == [None, None]:
         return "Both missions succeeded."
@@ -70,7 +73,7 @@ def _summaries(left: Mapping[str, Any], right: Mapping[str, Any], names: Names) 
         left_out.add("efficiency")
     keys = [key for key in dict.fromkeys([*left, *right]) if key not in left_out]
     by_clock = [key for key in keys if is_wall_clock(key)]
-    groups = {**SUMMARY_GROUPS, "scenario": [key for key in keys if key not in grouped]}
+    groups = {**SUMMARY_GROUPS, rest_heading(left): [key for key in keys if key not in grouped]}
     chosen = {name: [key for key in group if key in keys and key not in by_clock] for name, group in groups.items()}
     rows: list[tuple[str, ...]] = []
     for name, group in {**chosen, "by a clock": by_clock}.items():

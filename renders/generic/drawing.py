@@ -20,7 +20,7 @@ from mathnavi.renders.blitted import Blitted
 from mathnavi.renders.drawing import Drawing
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, consecutive
-from mathnavi.renders.generic.figures import states_figure
+from mathnavi.renders.generic.figures import board_figure
 from mathnavi.renders.generic.run_data import GenericRun, camera_name, index, load_run
 from mathnavi.renders.overlay import Key, Overlay, pace
 from mathnavi.renders.painter import SceneDrawing, ScenePainter
@@ -33,6 +33,7 @@ SCENE_CAMERAS = ("fixed", "track", "top")
 LENGTHS = (6.0, 14.0)  # [s of video] least and most of the whole run
 LAST_MOMENT = 2.0  # [s of video] for which its end stays
 MOST_ANNOTATED = 8
+STATUS_CHANGED = "estimator-status"  # kind of event, whose message begins with the status
 TURN = 1.5  # [degrees/s] at which the tracking camera turns
 _CUTS = ((0.0, "fixed"), (0.35, "track"), (0.75, "fixed"))  # shares of the run at which the tour changes the camera
 MOST_VALUES = 2  # of the state, next to the time
@@ -46,16 +47,24 @@ def highlight(run: GenericRun) -> tuple[float, float]:
 
 
 def annotations_of(run: GenericRun) -> list[Annotation]:
-    """Return the annotations of a video, in order of time: the first event of each kind, and how the run ended."""
+    """Return the annotations of a video, in order of time: the first event of each kind, of a log the first time of
+    each status of the estimate, and how the run ended.
+    """
     first: dict[str, float] = {}
     for event in run.events:
-        first.setdefault(described(event)[0], event.t)
+        kind, message = described(event)
+        if run.is_log and event.kind == STATUS_CHANGED:
+            kind = f"estimate {message.partition(':')[0]}"
+        first.setdefault(kind, event.t)
     shown = [(min(t, run.duration), kind) for kind, t in first.items()][:MOST_ANNOTATED]
     return sorted([*shown, (run.duration, verdict(run))])
 
 
 def verdict(run: GenericRun) -> str:
-    """Return the outcome of the run in a few words."""
+    """Return the outcome of the run in a few words; of a log, in which no mission was flown, that of the estimate."""
+    if run.is_log:
+        status = run.final_status
+        return "no estimator has run over this log" if status is None else f"estimate {status.name.lower()} at the end"
     return "mission succeeded" if SHORTFALL not in run.summary else "mission failed"
 
 
@@ -113,24 +122,29 @@ def _value(label: str, value: float) -> tuple[str, str, str]:
 
 
 class Board:
-    """The charts of one size, with a line at the time of the picture."""
+    """The charts of one size, with a line at the time of the picture, beside the plan of a log."""
 
     def __init__(self, run: GenericRun, width: int, height: int, *, brief: bool) -> None:
         inches = BRIEF_INCHES if brief else INCHES_HIGH
         dpi = height / inches
-        figure = states_figure(run, BRIEF_ROWS if brief else MOST_ROWS)
+        figure, plan = board_figure(run, BRIEF_ROWS if brief else MOST_ROWS, brief=brief)
         figure.set_size_inches(width / dpi, inches)
         figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.92))
         figure.set_facecolor("white")
-        self._cursors = [axes.axvline(0.0, color=BOUND, lw=1.2) for axes in figure.axes]
+        places = None if plan is None else plan.axes
+        self._cursors = [axes.axvline(0.0, color=BOUND, lw=1.2) for axes in figure.axes if axes is not places]
+        self._plan = plan
         self._heading = figure.text(0.02, 0.975, "", va="top", size=10.5)
         self._annotation = figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color=BOUND)
-        self._blitted = Blitted(figure, (*self._cursors, self._heading, self._annotation), dpi)
+        moving = () if plan is None else plan.markers
+        self._blitted = Blitted(figure, (*self._cursors, *moving, self._heading, self._annotation), dpi)
 
     def picture(self, t: float, heading: str, annotation: str) -> Picture:
         """Draw the picture (height, width, 3)."""
         for cursor in self._cursors:
             cursor.set_xdata([t, t])
+        if self._plan is not None:
+            self._plan.show(t)
         self._heading.set_text(heading)
         self._annotation.set_text(annotation)
         return self._blitted.picture()

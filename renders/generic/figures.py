@@ -9,26 +9,64 @@ from collections.abc import Sequence
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from mathnavi.interfaces.signals import Array
 from mathnavi.renders.figures import STYLE, canvas
-from mathnavi.renders.generic.run_data import GenericRun
+from mathnavi.renders.generic.log_plan import MovingPlan, log_plan
+from mathnavi.renders.generic.run_data import REFERENCE_WORD, TRUTH_WORD, GenericRun
 from mathnavi.renders.palette import hexadecimal
-from mathnavi.renders.scene.charts import TRUE, estimate_charts, state_charts
+from mathnavi.renders.scene.charts import (
+    LEFT_OUT_TITLE,
+    estimate_charts,
+    figure_charts,
+    input_charts,
+    reading_charts,
+    state_charts,
+)
 from mathnavi.renders.scene.elements import PATTERNS, Chart, Series
 
 MOST_ROWS = 12  # of charts in a figure; of more the first ones are drawn
 MOST_NAMED = 8  # lines of a chart that are named beside it
-WIDTH, ROW = 9.4, 1.25  # [inches]
+WIDTH, ROW, PLAN_HIGH = 9.4, 1.25, 4.0  # [inches]; least height of a plan
 BAND = 0.18  # opacity
+SMALL = 8.0  # [points] of the titles of charts beside a plan, which are less high
+TRUTHS = (TRUTH_WORD, REFERENCE_WORD)
 
 
 def states_figure(run: GenericRun, most: int = MOST_ROWS) -> Figure:
-    """Estimated quantities, then the states, over time with their estimates."""
-    figure = charts_figure([*estimate_charts(run), *state_charts(run)], run.duration, most)
-    assert figure is not None  # no vehicle is without a state
+    """Estimated quantities, then the states, over time with their estimates, then further figures of the estimate."""
+    figure = charts_figure(_charts(run), run.duration, most)
+    assert figure is not None  # no vehicle is without a state, and no log without readings
     return figure
+
+
+def _charts(run: GenericRun) -> list[Chart]:
+    """Charts of a run, first of what was left out; of a log with neither reference nor estimate, of its readings."""
+    further = figure_charts(run)
+    left_out = [chart for chart in further if chart.title == LEFT_OUT_TITLE]
+    charts = [*left_out, *estimate_charts(run), *state_charts(run), *further[len(left_out) :]]
+    return charts or [*input_charts(run), *reading_charts(run)]
+
+
+def board_figure(run: GenericRun, most: int, *, brief: bool = False) -> tuple[Figure, MovingPlan | None]:
+    """The figure of states with ``most`` charts; of a log that has a plan, beside it with what moves on it.
+
+    A ``brief`` plan is for large letters in a small picture.
+    """
+    plan = log_plan(run)
+    if plan is None:
+        return states_figure(run, most), None
+    with matplotlib.rc_context(STYLE):
+        charts = _charts(run)[:most]
+        figure = canvas(1.5 * WIDTH, max(0.5 + ROW * len(charts), PLAN_HIGH))
+        grid = figure.add_gridspec(1, 2, width_ratios=(1.0, 1.1))
+        left, right = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+        moving = MovingPlan(left.add_subplot(), plan, brief=brief)
+        _draw_charts(right, charts, run.duration)
+        for axes in right.axes:
+            axes.yaxis.label.set_fontsize(SMALL)
+    return figure, moving
 
 
 def charts_figure(charts: Sequence[Chart], duration: float, most: int = MOST_ROWS) -> Figure | None:
@@ -38,20 +76,24 @@ def charts_figure(charts: Sequence[Chart], duration: float, most: int = MOST_ROW
     with matplotlib.rc_context(STYLE):
         shown = charts[:most]
         figure = canvas(WIDTH, 0.5 + ROW * len(shown))
-        panels = list(np.atleast_1d(figure.subplots(len(shown), 1, sharex=True)))
-        before: tuple[str, ...] = ()
-        for axes, chart in zip(panels, shown, strict=True):
-            for series in chart.series:
-                _draw(axes, series, wide=series.name == TRUE and len(chart.series) > 1)
-            names = tuple(series.name for series in chart.series if series.name)
-            if names and names != before and len(names) <= MOST_NAMED:  # once where it stays the same
-                axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_NAMED, borderaxespad=0.1)
-            before = names
-            axes.set_ylabel(_label(chart))
-            if (limits := _within(chart.series)) is not None:
-                axes.set_ylim(*limits)
-        panels[-1].set(xlabel="time [s]", xlim=(0.0, duration))
+        _draw_charts(figure, shown, duration)
     return figure
+
+
+def _draw_charts(figure: FigureBase, charts: Sequence[Chart], duration: float) -> None:
+    panels = list(np.atleast_1d(figure.subplots(len(charts), 1, sharex=True)))
+    before: tuple[str, ...] = ()
+    for axes, chart in zip(panels, charts, strict=True):
+        for series in chart.series:
+            _draw(axes, series, wide=series.name in TRUTHS and len(chart.series) > 1)
+        names = tuple(series.name for series in chart.series if series.name)
+        if names and names != before and len(names) <= MOST_NAMED:  # once where it stays the same
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_NAMED, borderaxespad=0.1)
+        before = names
+        axes.set_ylabel(_label(chart))
+        if (limits := _within(chart.series)) is not None:
+            axes.set_ylim(*limits)
+    panels[-1].set(xlabel="time [s]", xlim=(0.0, duration))
 
 
 def _draw(axes: Axes, series: Series, *, wide: bool) -> None:
@@ -82,7 +124,7 @@ def _within(series: Sequence[Series]) -> tuple[float, float] | None:
     for each in series:
         finite: Array = each.y[np.isfinite(each.y)]
         if len(finite):
-            share = (0.0, 100.0) if each.name in ("", TRUE) or not _is_estimate(each) else (1.0, 99.0)
+            share = (0.0, 100.0) if each.name in ("", *TRUTHS) or not _is_estimate(each) else (1.0, 99.0)
             half = 0.0 if each.band is None else _usual(each.band)
             low, high = np.percentile(finite, share).tolist()
             ends += [low - half, high + half]

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.interfaces.signal_names import SignalNames, difference
 from mathnavi.interfaces.signals import Array, Event, Status
 from mathnavi.renders.generic.scene_data import SceneData, scene_data
+from mathnavi.sim.records.documents import LOG_SCENARIO
 from mathnavi.sim.records.log_arrays import DEVIATION, ESTIMANDS
 from mathnavi.sim.records.run_folder import (
     NothingToDrawError,
@@ -22,6 +25,8 @@ from mathnavi.sim.records.run_folder import (
     read_scene,
     read_signal_names,
 )
+
+TRUTH_WORD, REFERENCE_WORD = "truth", "reference"
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +57,42 @@ class GenericRun:
         return float(self.t[-1])
 
     @property
+    def is_log(self) -> bool:
+        """True for a recorded log: nothing was simulated, no mission was flown."""
+        return str(self.config["scenario"]) == LOG_SCENARIO
+
+    @property
     def title(self) -> str:
-        """Scenario and seed."""
-        return f"{self.config['scenario']}, seed {self.config['seed']}"
+        """Scenario and seed; of a log its file, and the estimator that ran over it."""
+        if not self.is_log:
+            return f"{self.config['scenario']}, seed {self.config['seed']}"
+        file = Path(str(self.config.get("fields", {}).get("file", self.directory))).name
+        return ", ".join([file, *([] if self.estimator is None else [self.estimator])])
+
+    @property
+    def estimator(self) -> str | None:
+        """Name of the estimator; None without one, as of a log over which none has run."""
+        record = self.config.get("estimator")
+        return str(record["name"]) if isinstance(record, Mapping) and "name" in record else None
+
+    @property
+    def truth_word(self) -> str:
+        """Name of what estimates are compared with: that of a log is what another system found."""
+        return REFERENCE_WORD if self.is_log else TRUTH_WORD
+
+    @property
+    def final_status(self) -> Status | None:
+        """Status of the last estimate of a single vehicle; None without any."""
+        log = next(iter(self.vehicles.values()))
+        times = log.arrays.get("estimate.t", np.empty(0))
+        return log.status(float(times[-1])) if len(times) else None
+
+    @cached_property
+    def usable_share(self) -> float:
+        """Share of the estimates of a single vehicle that may be used; 0 without any."""
+        log = next(iter(self.vehicles.values()))
+        times = log.arrays.get("estimate.t", np.empty(0))
+        return float(usable(log, times).mean()) if len(times) else 0.0
 
     def status(self, t: float) -> str:
         """Status of the estimators at ``t`` [s]: the first that is not OK, or nothing."""
@@ -72,27 +110,38 @@ class RecordedEstimates:
     x: Array  # (k, m)
     names: tuple[str, ...]  # (m,) with units
     truth: Array  # (n, m) at the samples of the log; NaN where it is not known
-    error: Array  # (k, m) estimate less truth, angles of a part of the state from -pi to pi
+    error: Array  # (k, m) estimate less truth, angles of a log or a part of the state from -pi to pi
     deviation: Array | None  # (k, m) by its covariance; None if it has none
     whole: bool  # whether its numbers are the states
 
 
 def estimates(log: RunLog, signals: SignalNames) -> RecordedEstimates | None:
-    """Return the estimates of a vehicle; None without any."""
+    """Return the estimates of a vehicle; None without any. Of a log there is no error while one may not be used."""
     t, x = log.arrays.get("estimate.t"), log.arrays.get("estimate.x")
     if t is None or x is None or x.ndim != 2 or not x.size:
         return None
     size, rows = x.shape[1], np.clip(np.searchsorted(log.t, t + 1e-9, side="right") - 1, 0, len(log.t) - 1)
     names = signals.of_estimate(size) or tuple(f"estimate {k + 1}" for k in range(size))
     if names == signals.states:
-        return RecordedEstimates(t, x, names, log.x, x - log.x[rows], _deviation(log, x), True)
+        error = x - log.x[rows]
+        if log.config["scenario"] == LOG_SCENARIO:  # the reference of an angle may be a turn off
+            error = np.column_stack([difference(name, x[:, k], log.x[rows, k]) for k, name in enumerate(names)])
+            error[~usable(log, t)] = np.nan
+        return RecordedEstimates(t, x, names, log.x, error, _deviation(log, x), True)
     known = {name: log.x[:, k] for k, name in enumerate(signals.states)}
     estimands = log.arrays.get(ESTIMANDS)
     if estimands is not None and estimands.shape[1] == len(signals.estimands):
         known |= {name: estimands[: len(log.t), k] for k, name in enumerate(signals.estimands)}
     truth = np.column_stack([known.get(name, np.full(len(log.t), np.nan)) for name in names])
     error = np.column_stack([difference(name, x[:, k], truth[rows, k]) for k, name in enumerate(names)])
+    if log.config["scenario"] == LOG_SCENARIO:
+        error[~usable(log, t)] = np.nan
     return RecordedEstimates(t, x, names, truth, error, _deviation(log, x), False)
+
+
+def usable(log: RunLog, t: Array) -> NDArray[np.bool_]:
+    """True (k,) where the estimates at t (k,) [s] may be used."""
+    return np.array([log.status(each).usable for each in t.tolist()], dtype=bool)
 
 
 def _deviation(log: RunLog, x: Array) -> Array | None:

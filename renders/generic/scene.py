@@ -8,6 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from mathnavi.renders.framing import Box
+from mathnavi.renders.generic.log_plan import log_plan
+from mathnavi.renders.generic.plan_scene import plan_scene
 from mathnavi.renders.generic.run_data import GenericRun, camera_name
 from mathnavi.renders.generic.scene_data import SceneData, reach, swept
 from mathnavi.renders.palette import COLOURS, SceneElement, vehicle_colour
@@ -25,9 +27,10 @@ SMALLEST = 0.05  # of the extent: a vehicle that is smaller is seen from as far 
 
 
 def generic_scene(run: GenericRun) -> Scene:
-    """Return the scene of a run; without a recorded scene charts alone."""
+    """Return the scene of a run; of a log its plan, of another run without a recorded scene charts alone."""
     if run.scene is None:
-        return Scene(run.title, run.duration, ())
+        seen = log_plan(run)
+        return Scene(run.title, run.duration, ()) if seen is None else plan_scene(run.title, run.duration, seen)
     scene = run.scene
     a, t = scene.arrays, scene.t
     several = len(scene.vehicles) > 1

@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 
-from mathnavi.interfaces.signals import Array
-from mathnavi.models.field.wall import Wall
-from mathnavi.renders.figures import GRID, INK, STYLE, canvas, thinned
-from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.figures import STYLE, canvas, colour_of, thinned
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.plan import DEVIATIONS, draw_beacons, draw_end, draw_found, draw_line, draw_wall, name_at
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.drawing import begun
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.sim.records.run_folder import last_at
 
-DRIVEN, ESTIMATE, IMAGE, BEACON = (
-    hexadecimal(COLOURS[part])
-    for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE, SceneElement.BEACON)
-)
+DRIVEN, ESTIMATE, IMAGE = map(colour_of, (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE))
 LOOKS = 9  # estimates marked along the path, the denser the earlier
 CLOSE = 0.15  # of the run that is shown enlarged
 CLOSE_LOOKS = 7
 LEAST_VIEW = 0.25  # [m] side of the close view, at least
 JUMP = 0.25  # [m] over which no path is drawn
-DEVIATIONS = 3.0
 
 
 def field_figure(run: RangingRun) -> Figure:
@@ -53,29 +45,14 @@ def _draw_field(axes: Axes, run: RangingRun) -> None:
             k = last_at(run.beliefs.t, float(t))
             _draw_belief(axes, run, k)
             if number == 0:
-                _name(axes, f"after {t:.2g} s", run.beliefs.x[k, :2])
-    if len(run.beacons):
-        axes.plot(*run.beacons.T, "D", ms=6, color=BEACON, mec=INK, mew=0.6, ls="", label="beacon", zorder=4)
-    for place, P in run.beacons_believed(len(run.beliefs.t) - 1):
-        ring = shapes.ellipse(place, *shapes.half_axes(P, DEVIATIONS))
-        axes.fill(*ring.T, color=ESTIMATE, alpha=0.18, lw=0)
-        axes.plot(*ring.T, color=ESTIMATE, lw=0.8)
-        axes.plot(*place, "+", ms=8, color=ESTIMATE, zorder=5)
-    for name, place, fill in (("start", run.pose[0, :2], "none"), ("end", run.pose[-1, :2], INK)):
-        axes.plot(*place, "o", ms=6, mfc=fill, mec=INK, mew=1.4, zorder=5)
-        _name(axes, name, place, below=True)
+                name_at(axes, f"after {t:.2g} s", run.beliefs.x[k, :2])
+    draw_beacons(axes, dict(enumerate(run.beacons)))
+    draw_found(axes, run.beacons_believed(len(run.beliefs.t) - 1), named=False)
+    draw_end(axes, "start", run.pose[0, :2], filled=False)
+    draw_end(axes, "end", run.pose[-1, :2], filled=True)
     axes.set(xlabel="x₁ [m]", ylabel="x₂ [m]", aspect="equal", title="Path")
     handles, names = axes.get_legend_handles_labels()
     axes.legend(handles, names, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
-
-
-def draw_wall(axes: Axes, wall: Wall) -> None:
-    """Fill what is within a wall, and draw its outlines."""
-    corners = np.vstack(wall.outlines)
-    codes = np.concatenate([[Path.MOVETO] + [Path.LINETO] * (len(each) - 1) for each in wall.outlines])
-    axes.add_patch(PathPatch(Path(corners, codes), facecolor=GRID, alpha=0.22, lw=0))
-    for outline in wall.outlines:
-        axes.plot(*outline.T, color=INK, lw=2.2 if len(corners) < 2000 else 0.8)
 
 
 def _draw_close(axes: Axes, run: RangingRun) -> None:
@@ -87,7 +64,7 @@ def _draw_close(axes: Axes, run: RangingRun) -> None:
     if not late.any():
         return
     axes.plot(*run.seen_as[late, :2].T, color=DRIVEN, lw=2.2)
-    _draw_line(axes, run.beliefs.x[late, :2], color=ESTIMATE, lw=1.2)
+    draw_line(axes, run.beliefs.x[late, :2], JUMP, color=ESTIMATE, lw=1.2)
     for k in np.flatnonzero(late)[np.linspace(0, late.sum() - 1, CLOSE_LOOKS).astype(int)]:
         _draw_belief(axes, run, int(k), outline=False)
     both = np.vstack([run.seen_as[late, :2], run.beliefs.x[late, :2]])
@@ -102,15 +79,9 @@ def _draw_paths(axes: Axes, run: RangingRun) -> None:
     if run.image:
         axes.plot(*run.mirrored[:, :2].T, color=IMAGE, lw=2.0, ls="--", label="indistinguishable from it")
     known = np.where(run.initialised[:, None], run.beliefs.x[:, :2], np.nan)
-    _draw_line(axes, known, color=ESTIMATE, lw=1.3, label="estimate")
+    draw_line(axes, known, JUMP, color=ESTIMATE, lw=1.3, label="estimate")
     if run.beliefs.covariance is not None:
         axes.plot([], [], "-", color=ESTIMATE, lw=6.0, alpha=0.3, label=f"{DEVIATIONS:g}σ")
-
-
-def _draw_line(axes: Axes, places: Array, **style: Any) -> None:
-    """A line through places (n, 2), but for jumps and what is not known."""
-    jumps = np.flatnonzero(np.linalg.norm(np.diff(places, axis=0), axis=1) > JUMP) + 1
-    axes.plot(*np.insert(places, jumps, np.nan, axis=0).T, **style)
 
 
 def _draw_belief(axes: Axes, run: RangingRun, k: int, *, outline: bool = True) -> None:
@@ -125,7 +96,3 @@ def _draw_belief(axes: Axes, run: RangingRun, k: int, *, outline: bool = True) -
     elif not outline:
         reach = 0.03 * np.array([math.cos(x[2]), math.sin(x[2])])
         axes.plot([x[0], x[0] + reach[0]], [x[1], x[1] + reach[1]], ".-", color=ESTIMATE, markevery=[0])
-
-
-def _name(axes: Axes, text: str, place: Array, *, below: bool = False) -> None:
-    axes.annotate(text, tuple(place), (0, -15 if below else 13), textcoords="offset points", ha="center", va="center")

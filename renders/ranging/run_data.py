@@ -52,14 +52,14 @@ class RangingRun(LoggedRun):
         """The wall."""
         return self.mission.curve
 
-    def beacons_believed(self, k: int) -> list[tuple[Array, Array]]:
-        """Place (2,) [m] and covariance (2, 2) of each beacon that estimate ``k`` has found."""
+    def beacons_believed(self, k: int) -> dict[int, tuple[Array, Array]]:
+        """Place (2,) [m] and covariance (2, 2) of each beacon that estimate ``k`` has found, by its number."""
         mission = self.mission
         if self.beacon_beliefs is None or k < 0 or not isinstance(mission, BeaconFieldMission):
-            return []
+            return {}
         x, P = self.beacon_beliefs[0][k], self.beacon_beliefs[1][k]
-        slices = [slice(2 * i, 2 * i + 2) for i in mission.beacons.unknown]
-        return [(x[own], P[own, own]) for own in slices if np.isfinite(x[own]).all()]
+        slices = {i: slice(2 * i, 2 * i + 2) for i in mission.beacons.unknown}
+        return {i: (x[own], P[own, own]) for i, own in slices.items() if np.isfinite(x[own]).all()}
 
     @cached_property
     def reads_walls(self) -> bool:

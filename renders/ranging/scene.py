@@ -141,7 +141,7 @@ class RangingScene(Staged):
             line = _lifted(np.array([here, place]), SENSOR_HEIGHT)
             self.stage.line(line, pale(COLOURS[SceneElement.RAY], 0.6), 0.65 * LINE[camera])
             self._add_dot(place, SceneElement.BEACON, 16.0)
-        for place, P in self.run.beacons_believed(self.run.belief(t)):
+        for place, P in self.run.beacons_believed(self.run.belief(t)).values():
             axes, direction = shapes.half_axes(P, DEVIATIONS)
             ring = _lifted(shapes.ellipse(place, axes, direction), self._height)
             self.stage.line(ring, COLOURS[SceneElement.ESTIMATE], 0.6 * LINE[camera])

@@ -182,7 +182,7 @@ def _beliefs(run: RangingRun) -> list[Lines]:
         if not run.initialised[k]:
             continue
         spread[-1].append(lifted(shapes.outline(beliefs.x[k]), MARKS))
-        for place, P in run.beacons_believed(int(k)):
+        for place, P in run.beacons_believed(int(k)).values():
             axes, direction = shapes.half_axes(P, DEVIATIONS)
             spread[-1].append(lifted(shapes.ellipse(place, axes, direction), MARKS))
             spread[-1] += [lifted(place + cross, MARKS) for cross in _CROSS]

@@ -21,7 +21,10 @@ from mathnavi.sim.records.timing import read_timing, slow_components
 MOST_POINTS = 1200  # of a curve
 MOST_FACTS = 8
 DEVIATIONS = 2.0  # half the height of the band about an estimate, in standard deviations of its covariance
-TRUE, ESTIMATED_WORD = "truth", "estimate"
+ESTIMATED_WORD = "estimate"
+LEFT_OUT, RAISED = "left_out", 0.8  # name of the flags of channels, and rise of the line of one that is left out
+PLACES = "beacons"  # name of the places of beacons, as an estimator among unknown ones has them
+LEFT_OUT_TITLE = "left out while raised"
 _NOT_FURTHER = ("t", "x", "unused", "deviation", "covariance")  # arrays of an estimate that are not figures besides it
 TRUTH, ESTIMATE = COLOURS[SceneElement.TRUE_PATH], COLOURS[SceneElement.ESTIMATE]
 
@@ -101,56 +104,95 @@ def state_charts(run: GenericRun) -> list[Chart]:
             )
             for k, words in enumerate(run.states[name])
         ]
-    found = estimates(log, run.signals[name])
+    found, names, x = estimates(log, run.signals[name]), run.states[name], log.x
+    if found is not None and not found.whole:
+        if run.is_log:  # the numbers of a reference are drawn with those of the estimate that have their names
+            kept = [k for k, words in enumerate(names) if words not in found.names]
+            names, x = tuple(names[k] for k in kept), x[:, kept]
+        found = None
     return [
-        Chart(title, unit, _lines(columns, log.t, log.x, found if found is not None and found.whole else None))
-        for title, unit, columns in grouped(run.states[name], run.signals[name].groups)
+        Chart(title, unit, _lines(columns, log.t, x, found, run.truth_word))
+        for title, unit, columns in grouped(names, run.signals[name].groups)
     ]
 
 
 def estimate_charts(run: GenericRun) -> list[Chart]:
-    """Charts of an estimate that is not of the whole state, with the truth where it is declared, and of the further
-    figures of an estimate, of a single vehicle.
-    """
+    """Charts of an estimate that is not of the whole state, with the truth where it is known, of a single vehicle."""
     name, log = next(iter(run.vehicles.items()))
     found = estimates(log, run.signals[name]) if len(run.vehicles) == 1 else None
-    if found is None:
+    if found is None or found.whole:
+        return []
+    return [
+        Chart(title, unit, _lines(columns, log.t, found.truth, found, run.truth_word))
+        for title, unit, columns in grouped(found.names, run.signals[name].groups)
+    ]
+
+
+def figure_charts(run: GenericRun) -> list[Chart]:
+    """Charts of the further figures of an estimate, of a single vehicle: first of what it left out."""
+    name, log = next(iter(run.vehicles.items()))
+    t = log.arrays.get(f"{ESTIMATED}t") if len(run.vehicles) == 1 else None
+    if t is None:
         return []
     charts = []
-    if not found.whole:
-        charts = [
-            Chart(title, unit, _lines(columns, log.t, found.truth, found))
-            for title, unit, columns in grouped(found.names, run.signals[name].groups)
-        ]
-    for array in sorted(log.arrays):
+    for array in sorted(log.arrays, key=lambda each: (each != f"{ESTIMATED}{LEFT_OUT}", each)):
         values, own = log.arrays[array], array.removeprefix(ESTIMATED)
         named = run.signals[name].figures.get(own, ())
-        if array.startswith(ESTIMATED) and own not in _NOT_FURTHER and _is_drawn(values, named, len(found.t)):
-            columns = values.reshape(len(found.t), -1)
-            if len(named) == columns.shape[1]:  # each on an axis of its own, for they may be of different sizes
-                for k, words in enumerate(named):
-                    line = curve(ESTIMATED_WORD, ESTIMATE, found.t, columns[:, k])
-                    charts.append(Chart(*name_and_unit(words), [line]))
-                continue
-            lines = [
-                curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), found.t, columns[:, k])
-                for k in range(columns.shape[1])
-            ]
-            charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
+        if not array.startswith(ESTIMATED) or own in _NOT_FURTHER or not _is_drawn(values, named, len(t)):
+            continue
+        columns = values.reshape(len(t), -1)
+        if len(named) == columns.shape[1]:
+            if own == PLACES:  # those of beacons at known places never change
+                low, high = np.nanmin(columns, axis=0, initial=np.inf), np.nanmax(columns, axis=0, initial=-np.inf)
+                moving = np.flatnonzero(high > low).tolist()
+                named, columns = tuple(named[k] for k in moving), columns[:, moving]
+            charts += _left_out(named, t, columns) if own == LEFT_OUT else _named(named, t, columns)
+            continue
+        lines = [
+            curve(str(k + 1) if columns.shape[1] > 1 else "", _colour(k, columns.shape[1]), t, columns[:, k])
+            for k in range(columns.shape[1])
+        ]
+        charts.append(Chart(f"{own.replace('_', ' ')}, estimated", "", lines))
     return charts
 
 
+def _named(names: Sequence[str], t: Array, columns: Array) -> list[Chart]:
+    """A chart for each of the numbers (k, m) that is known at some time, for they may be of different sizes."""
+    return [
+        Chart(*name_and_unit(words), [curve(ESTIMATED_WORD, ESTIMATE, t, values)])
+        for words, values in zip(names, columns.T, strict=True)
+        if np.isfinite(values).any()
+    ]
+
+
+def _left_out(names: Sequence[str], t: Array, columns: Array) -> list[Chart]:
+    """A chart of the channels that were left out at some time, in which the line of each rises while it is: flags
+    (k, l), 1 while a channel is left out; none if all were always used.
+    """
+    ever = np.flatnonzero((columns > 0.0).any(axis=0)).tolist()
+    heights: Array = np.arange(columns.shape[1], dtype=np.float64) + np.where(columns > 0.0, RAISED, 0.0)
+    lines = [curve(names[k], vehicle_colour(number), t, heights[:, k], step=True) for number, k in enumerate(ever)]
+    return [Chart(LEFT_OUT_TITLE, "", lines)] if lines else []
+
+
 def _is_drawn(values: Array, names: Sequence[str], count: int) -> bool:
-    """True for a number or a vector at each of ``count`` times, or for as many numbers as there are names."""
-    return values.size in (count, 3 * count) or (len(names) > 0 and values.shape == (count, len(names)))
+    """True for a number or a vector at each of ``count`` times, or for as many numbers as there are names; not for
+    numbers that are never known.
+    """
+    drawn = values.size in (count, 3 * count) or (len(names) > 0 and values.shape == (count, len(names)))
+    return drawn and bool(np.isfinite(values).any())
 
 
-def _lines(columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None) -> list[Series]:
-    """Truth (n, nx) at ``t`` (n,) and estimate of the numbers of one chart, with a band of two deviations about it."""
+def _lines(
+    columns: Sequence[tuple[int, str]], t: Array, truth: Array, found: RecordedEstimates | None, word: str
+) -> list[Series]:
+    """Truth (n, nx) at ``t`` (n,), called ``word``, and estimate of the numbers of one chart, with a band of two
+    deviations about it.
+    """
     several, series = len(columns) > 1, []
     for number, (k, called) in enumerate(columns):
         if np.isfinite(truth[:, k]).any():
-            name = called if several else "" if found is None else TRUE
+            name = called if several else "" if found is None else word
             series.append(curve(name, vehicle_colour(number) if several else TRUTH, t, truth[:, k]))
     for number, (k, called) in enumerate(columns):
         if found is not None:
@@ -213,13 +255,14 @@ def reading_charts(run: GenericRun) -> list[Chart]:
         names = run.signals[name].readings.get(sensor, ())
         names = names if len(names) == size else numbered(sensor, size)
         units = {name_and_unit(words)[1] for words in names}
-        lines = [
-            curve(
-                "" if size == 1 else name_and_unit(words)[0] if len(units) == 1 else words,
-                _colour(k, size), log.t[read], values[read, k],
-            )
-            for k, words in enumerate(names)
-        ]  # fmt: skip
+        lines = []
+        for k, words in enumerate(names):
+            called = "" if size == 1 else name_and_unit(words)[0] if len(units) == 1 else words
+            rows = np.flatnonzero(read)
+            known = np.isfinite(values[rows, k])
+            if not (known[1:] & known[:-1]).any():  # of beacons read one after the other there is no line otherwise
+                rows = rows[known]
+            lines.append(curve(called, _colour(k, size), log.t[rows], values[rows, k]))
         charts.append(Chart(sensor.replace("_", " "), next(iter(units)) if len(units) == 1 else "", lines))
     return charts
 

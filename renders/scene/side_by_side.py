@@ -19,6 +19,7 @@ from mathnavi.renders.scene.elements import PATTERNS, Camera, Chart, Layer, Line
 
 SEEN_THROUGH = 0.5  # opacity of the bodies of the second run and of later ones, beside those of the first
 ESTIMATED = {part.value for part in (SceneElement.ESTIMATE, SceneElement.BELIEVED, SceneElement.FOUND_VELOCITY)}
+REFERENCE = SceneElement.REFERENCE.value  # what another system found: the same of all runs over one log
 EQUAL = 1e-6  # [m] of places that are the same
 
 
@@ -61,6 +62,12 @@ class _Part:
             key for key, motion in self.scene.motions.items() if all(_moves_as(motion, o, key) for o in self._others)
         }
         self._shared = shared
+        self._references = {
+            lines.layer.name
+            for lines in self.scene.lines
+            if lines.layer.name == REFERENCE
+            and all(any(_same(lines, other, ("points",)) for other in scene.lines) for scene in self._others)
+        }
         self.motions = {
             self.motion(key): motion
             for key, motion in self.scene.motions.items()
@@ -94,6 +101,9 @@ class _Part:
         """The lines: paths in the colour of the run, others in their own and hidden at first."""
         found = []
         for lines in self.scene.lines:
+            if lines.layer.name in self._references:
+                found += [lines] * self._first
+                continue
             if lines.motion is None and not lines.cut and lines.frames is None:
                 if not any(_same(lines, other, ("points",)) for s in self._before for other in s.lines):
                     found.append(lines)
@@ -110,10 +120,13 @@ class _Part:
         for mark in self.scene.marks:
             if self._common(mark.motion):
                 fields = ("text", "place", "motion")
-                having = [any(_same(mark, other, fields) for other in scene.marks) for scene in self._others]
-                if not all(having):  # it is of this run, or of some
+                before, after = (
+                    [any(_same(mark, other, fields) for other in scene.marks) for scene in scenes]
+                    for scenes in (self._before, self._others[len(self._before) :])
+                )
+                if not any(before) and not any(after):
                     found.append(replace(mark, text=f"{self.name}: {mark.text}" if mark.text else ""))
-                elif self._first:
+                elif not any(before):  # of several runs, it is shown once
                     found.append(mark)
             else:
                 assert mark.motion is not None
@@ -136,7 +149,8 @@ class _Part:
     def _layer(self, layer: Layer) -> Layer:
         """A layer of this run alone: of paths in the run's colour, of plans and rays hidden at first."""
         paths = list(dict.fromkeys(lines.layer.name for lines in self.scene.lines if lines.cut == "past"))
-        true = [name for name in paths if name not in ESTIMATED]
+        paths = [name for name in paths if name not in self._references]
+        true = [name for name in paths if name not in ESTIMATED] or paths
         name = self.name if [layer.name] == true else f"{self.name}: {layer.name}"
         if layer.name not in paths:
             drawn = any(lines.layer.name == layer.name for lines in self.scene.lines)

@@ -21,10 +21,11 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.flight.run_data import mission_of_record, terrain_of
 from mathnavi.renders.flight.scene import follow
 from mathnavi.renders.framing import Box
+from mathnavi.renders.generic.run_data import TRUTH_WORD
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement, vehicle_colour
 from mathnavi.renders.scene.bodies import body_surfaces, model_shapes
 from mathnavi.renders.scene.cameras import framing_camera
-from mathnavi.renders.scene.charts import ESTIMATE, ESTIMATED_WORD, TRUE, TRUTH, grouped
+from mathnavi.renders.scene.charts import ESTIMATE, ESTIMATED_WORD, TRUTH, grouped
 from mathnavi.renders.scene.elements import Camera, Chart, Framed, Layer, Lines, Mark, Motion, Scene, Series
 from mathnavi.renders.scene.landscape import airframe, mission_cameras, plan_pieces, radar_domes
 from mathnavi.sim.engine.faults import Disturbed
@@ -239,7 +240,7 @@ class LiveScene:
                 values.append(partial(_states, k))
             return charts, values
         estimands = self._estimands
-        both = [(TRUE, TRUTH), (ESTIMATED_WORD, ESTIMATE)]
+        both = [(TRUTH_WORD, TRUTH), (ESTIMATED_WORD, ESTIMATE)]
         if estimands is not None:
             wanted = list(true_values(estimands, self._plant.state(names[0])[None]))
             for k, words in enumerate(wanted):

@@ -14,6 +14,7 @@ from mathnavi.renders.scene.charts import (
     estimate_charts,
     events_of,
     facts_of,
+    figure_charts,
     input_charts,
     reading_charts,
     state_charts,
@@ -35,5 +36,6 @@ def read_scene(folder: Path) -> Scene:
     own = generic_scene(run) if drawing.web is None else pkgutil.resolve_name(drawing.web)(drawing.load_run(folder))
     charts = [*own.charts, *error_charts(run)]
     if not own.charts:
-        charts = [*estimate_charts(run), *state_charts(run), *charts, *input_charts(run), *reading_charts(run)]
+        first, last = [*estimate_charts(run), *state_charts(run)], [*input_charts(run), *reading_charts(run)]
+        charts = [*first, *charts, *figure_charts(run), *last]
     return replace(own, charts=charts, events=events_of(run), facts=facts_of(run))

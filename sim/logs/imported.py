@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.errors import LogError, RunFolderError
-from mathnavi.interfaces.reading_counts import unused_text
+from mathnavi.interfaces.fields import plain
+from mathnavi.interfaces.reading_counts import COUNTS, unused_text
 from mathnavi.interfaces.short_tables import counted
 from mathnavi.interfaces.signal_names import SignalNames, name_and_unit
 from mathnavi.interfaces.signals import Array, Estimate, Event
@@ -27,16 +28,17 @@ from mathnavi.models.angles import wrapped
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.logs.recorded_log import Channel, Disorder, RecordedLog
 from mathnavi.sim.records.attitude_figures import continued, is_quaternion
-from mathnavi.sim.records.figure_names import UNUSED_READINGS, UNUSED_REASONS
+from mathnavi.sim.records.documents import LOG_SCENARIO
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, UNUSED_READINGS, UNUSED_REASONS
 from mathnavi.sim.records.log_arrays import SAMPLED
-from mathnavi.sim.records.reference_figures import reference_figures
-from mathnavi.sim.records.run_folder import read_log, read_record, read_signal_names
+from mathnavi.sim.records.plan_record import plan_record
+from mathnavi.sim.records.reference_figures import reference_figures, usable_figures
+from mathnavi.sim.records.run_folder import read_log, read_signal_names
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog
 
-SCENARIO = "recorded-log"
-"""name in config.json in place of a scenario"""
 VEHICLE = "vehicle"
 _GAP, _NOTE = "log-gap", "log-note"  # kinds of events
+_NOT_KEPT = ("version", UNUSED_READINGS, UNUSED_REASONS)  # figures of a simulated run that are of its estimator
 
 
 @dataclass(frozen=True)
@@ -128,10 +130,10 @@ def imported(log: RecordedLog, selection: Selection, digest: str) -> ImportedLog
         "facts": dict(log.facts),
         "notes": notes,
     }
-    config = {"scenario": SCENARIO, "seed": 0, "fields": fields, "mission": {}, "inputs": {"file": digest}}
+    config = {"scenario": LOG_SCENARIO, "seed": 0, "fields": fields, "mission": {}, "inputs": {"file": digest}}
     timings = [log.channels[name].timing for name in used]
     summary = {
-        "run_time_s": float(since[-1]),
+        "log_time_s": float(since[-1]),
         "samples": count,
         "stamps_late": sum(each.late for each in timings),
         "stamps_doubled": sum(each.doubled for each in timings),
@@ -205,12 +207,6 @@ def _first_doubled(t: Array) -> int:
     return int(np.argmax(again))
 
 
-def is_imported(folder: Path) -> bool:
-    """True for the folder of a run that was imported from a log."""
-    config, _, _ = read_record(folder)
-    return config.get("scenario") == SCENARIO
-
-
 def sensor_log_of(folder: Path) -> SensorLog:
     """Return the log in the folder of a run, as estimators take it: its times, readings and inputs.
 
@@ -221,16 +217,17 @@ def sensor_log_of(folder: Path) -> SensorLog:
     if not readings:
         raise RunFolderError(f"{folder} has no readings; allowed: a run with sensors")
     fields = log.config.get("fields", {})
-    start = Decimal(str(fields.get("start", "0"))) if log.config.get("scenario") == SCENARIO else Decimal(0)
+    start = Decimal(str(fields.get("start", "0"))) if log.config.get("scenario") == LOG_SCENARIO else Decimal(0)
     inputs = log.u if log.u.shape[1] else None
     return SensorLog(log.t, readings, inputs, str(folder), start)
 
 
-def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str, Any]) -> ImportedLog:
+def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str, Any], mission: Any) -> ImportedLog:
     """Return the content of the folder of a run with the estimates of another estimator over its log.
 
-    ``estimator`` is its record in config.json. The summary has its figures against the reference, if the log has one of
-    as many numbers (``mathnavi.sim.records.reference_figures``).
+    ``estimator`` is its record in config.json; that of a recorded log has the walls and beacons of the ``mission`` too.
+    The summary has its figures against the reference, if the log has one of as many numbers
+    or of some of the same names (``mathnavi.sim.records.reference_figures``), and none of an estimator before it.
     """
     log = read_log(folder)
     ((vehicle, signals),) = read_signal_names(folder).items()
@@ -251,10 +248,27 @@ def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str,
         signals={vehicle: signals},
     )  # fmt: skip
     config = {key: value for key, value in log.config.items() if key not in ("versions", "machine")}
-    summary = {key: value for key, value in log.summary.items() if key != "version"}
-    if log.x.shape[1] == found.x.shape[1]:
-        summary |= reference_figures(found, log.t, log.x, signals.states)
-    summary[UNUSED_READINGS] = float(sum(found.unused.values()))
+    summary = dict(log.summary)
+    if config["scenario"] == LOG_SCENARIO:
+        config["mission"] = plain(plan_record(mission))
+        summary = {key: value for key, value in summary.items() if key in SUMMARY_GROUPS["log"]}
+    compared = found if log.x.shape[1] == found.x.shape[1] else _part(found, signals.states)
+    figures: dict[str, Any] = dict(usable_figures(found))
+    if compared is not None:
+        figures = dict(reference_figures(compared, log.t, log.x, signals.states))
+    if COUNTS in found.extra or found.unused:
+        figures[UNUSED_READINGS] = sum(found.unused.values())
     if found.unused:
-        summary[UNUSED_REASONS] = unused_text(found.unused)
+        figures[UNUSED_REASONS] = unused_text(found.unused)
+    rest = {key: value for key, value in summary.items() if key not in (*figures, *_NOT_KEPT)}
+    summary = {**figures, **rest}
     return ImportedLog({**config, "estimator": dict(estimator), "recorded": str(folder)}, summary, recording)
+
+
+def _part(found: EstimateHistory, names: Sequence[str]) -> EstimateHistory | None:
+    """The numbers of estimates that have ``names``, those of a reference of fewer numbers; None if one is missing."""
+    if not names or set(names) - set(found.names):
+        return None
+    columns = [found.names.index(name) for name in names]
+    covariance = found.covariance[:, columns][:, :, columns]
+    return replace(found, x=found.x[:, columns], covariance=covariance, names=tuple(names))

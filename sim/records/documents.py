@@ -14,6 +14,9 @@ from mathnavi.interfaces.schema import ROOT, validated
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, TEXTS, TRUTH_VALUES
 
+LOG_SCENARIO = "recorded-log"
+"""name in config.json in place of a scenario, of a log that was imported"""
+
 
 @configuration
 class PluginDocument:

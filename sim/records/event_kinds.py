@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from mathnavi.interfaces.signals import Event, Status
+from mathnavi.sim.records.documents import LOG_SCENARIO
 
 ALARMS: dict[str, str] = {  # a promise that is broken or in danger, or a fault of a component
     "guarantee-lost": "No certified plan is flown, or what it assumes does not hold any more: nothing is promised.",
@@ -86,14 +87,16 @@ def of_estimator(event: Event, others: Collection[str] = ()) -> bool:
 
 
 def with_origin(events: Sequence[Event], config: Mapping[str, Any]) -> list[tuple[Event, str]]:
-    """Return events with what they belong to: "estimate" or "flight" where the estimator of a run did not fly it, but
-    ran over its readings (``config`` names the folder of the flight as "recorded"); "" for any other run.
+    """Return events with what they belong to where the estimator of a run did not fly it, but ran over its readings
+    (``config`` names the folder of the flight as "recorded"): "estimate" or "flight", of a recorded log "log"; "" for
+    any other run.
     """
     if config.get("recorded") is None:
         return [(event, "") for event in events]
     own = f"{config[SIGN]}: " if config.get(SIGN) else "\n"  # which no kind begins with
     caused = (event.kind in OF_ESTIMATORS or event.kind.startswith(own) for event in events)
-    return [(event, "estimate" if each else "flight") for event, each in zip(events, caused, strict=True)]
+    other = "log" if config.get("scenario") == LOG_SCENARIO else "flight"
+    return [(event, "estimate" if each else other) for event, each in zip(events, caused, strict=True)]
 
 
 def event_definition(kind: str) -> str:

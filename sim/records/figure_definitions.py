@@ -15,8 +15,14 @@ DEFINITIONS: dict[str, str] = {
     "impact_time_s": "Time at which the missile is nearest to the target.",
     # estimate
     "converged": "The error of the estimate is within its limits over the last part of the run.",
-    "position_rms_m": "Root mean square error of the estimated position, over the last quarter of the run.",
-    "heading_rms_deg": "Root mean square error of the estimated heading, over the last quarter of the run.",
+    "position_rms_m": (
+        "Root mean square error of the estimated position, over the last quarter of the run; of a log while the "
+        "estimate is usable."
+    ),
+    "heading_rms_deg": (
+        "Root mean square error of the estimated heading, over the last quarter of the run; of a log while the "
+        "estimate is usable."
+    ),
     "inclination_rms_deg": "Root mean square angle between the estimated vertical and that of the reference.",
     "heading_drift_rms_deg": (
         "Root mean square error of the heading, relative to that when the estimate could be used first."
@@ -34,11 +40,19 @@ DEFINITIONS: dict[str, str] = {
     "beacon_places": (
         "Places that the estimator has of the beacons that it was not given, by their numbers, at the end of the run."
     ),
-    "position_error_max_m": "Largest error of the estimated position after the convergence time.",
+    "position_error_max_m": (
+        "Largest error of the estimated position after the convergence time; of a log while the estimate is usable."
+    ),
     "heading_error_max_deg": "Largest error of the estimated heading after the convergence time.",
     "nees_mean": (
         "Mean of e'P⁻¹e over the last quarter, e the error and P the covariance that the estimator states: about "
-        "the number of components if P is right, more if the estimator is overconfident."
+        "the number of components if P is right, more if the estimator is overconfident. Of a log: while the estimate "
+        "is usable, over the number of components."
+    ),
+    "usable_share": "Share of the times of a log at which the estimate may be used: it is OK or DEGRADED.",
+    "wrong_share": (
+        "Share of the times of a log at which the estimate may be used, but is off by more than its covariance allows "
+        "in all but one of a thousand cases."
     ),
     "observable": "The most that ranges to this wall can determine, however the robot moves.",
     "lost_ranges": "Share of the single ranges that did not arrive.",
@@ -191,8 +205,15 @@ DEFINITIONS: dict[str, str] = {
         "(the posterior Cramér-Rao bound): 1 is the best, and chance makes it scatter."
     ),
     "efficiency_basis": "What the efficiency is computed from, or why there is none.",
+    # log
+    "log_time_s": "Time from the first to the last sample of a recorded log.",
+    "samples": "Number of times at which anything was read, or commanded.",
+    "stamps_late": "Number of readings with a stamp before that of an earlier one.",
+    "stamps_doubled": "Number of readings with the stamp of an earlier one.",
+    "readings_missing": "Number of readings that are missing in the gaps of the log.",
+    "longest_gap_s": "Longest gap in the readings of a channel.",
     # readings
-    "unused_readings": "Number of readings that no estimator used.",
+    "unused_readings": "Number of readings that no estimator used; not known of one that does not count them.",
     "unused_reasons": "Why they were not used.",
     "waits_for": "What an estimator that never began still waits for.",
 }

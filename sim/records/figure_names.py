@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 # Readable names of the summary's figures, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "impact": (
@@ -10,8 +12,8 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "inclination_rms_deg", "heading_drift_rms_deg", "attitude_rms_deg",
-        "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "left_out_beacons",
-        "initialising_s", "lost_s",
+        "heading_error_max_deg", "nees_mean", "usable_share", "wrong_share", "observable", "lost_ranges",
+        "left_out_beacons", "initialising_s", "lost_s",
         "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
         "escape_time_s", "degraded_s", "beacons_found", "beacon_error_max_m", "beacon_deviation_max_m", "beacon_places",
@@ -44,6 +46,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
     "bound": ("efficiency", "efficiency_basis"),
+    "log": ("log_time_s", "samples", "stamps_late", "stamps_doubled", "readings_missing", "longest_gap_s"),
     "readings": ("unused_readings", "unused_reasons", "waits_for"),
 }  # fmt: skip
 # All figures above are numbers, or null if not known, except these.
@@ -73,6 +76,7 @@ LABELS = {
     "planner_share": ("share flown as planned", ""),
     "tracking_bound_share": ("share of bound used", ""),
     "deadline_left_s": ("deadline left", "s"),
+    "log_time_s": ("length of the log", "s"),
     "unused_readings": ("readings not used", ""),
     "unused_reasons": ("of these", ""),
     "waits_for": ("the estimator", ""),
@@ -90,6 +94,11 @@ def label(key: str) -> tuple[str, str]:
         return LABELS[key]
     end = next((end for end in UNITS if key.endswith(end)), "")
     return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
+
+
+def rest_heading(summary: Mapping[str, object]) -> str:
+    """Return the heading of figures of no group: those that a scenario has made, or the reference of a log."""
+    return "reference" if "log_time_s" in summary else "scenario"
 
 
 def is_wall_clock(key: str) -> bool:

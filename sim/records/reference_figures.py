@@ -37,10 +37,9 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
         quaternion, "NAME w [-]" and so on, those of ``attitude_figures``.
     """
     rows = np.clip(np.searchsorted(t, found.t - 1e-9), 0, len(t) - 1)
-    usable = found.usable
-    first = float(found.t[int(np.argmax(usable))] - found.t[0]) if usable.any() else math.nan
+    usable, shares = found.usable, usable_figures(found)
     if is_quaternion(names):
-        return {**attitude_figures(found.x, found.covariance, usable, reference[rows]), "initialising_s": first}
+        return {**attitude_figures(found.x, found.covariance, usable, reference[rows]), **shares}
     pairs = zip(names, found.x.T, reference[rows].T, strict=True)
     errors = np.column_stack([difference(name, x, true) for name, x, true in pairs])
     nees = squared_by_covariance(errors, found.covariance)
@@ -49,8 +48,9 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
     figures: dict[str, float] = {}
     rest = list(range(len(names)))
     if len(position) == 2:
-        figures["position_rms_m"] = _rms(np.hypot(*errors[:, position].T)[usable])
-        figures["position_error_max_m"] = float(np.hypot(*errors[:, position].T)[usable].max(initial=0.0))
+        distance = np.hypot(*errors[:, position].T)[usable]
+        figures["position_rms_m"] = _rms(distance)
+        figures["position_error_max_m"] = float(distance.max()) if len(distance) else math.nan
         rest = [k for k in rest if k not in position]
     if units.count("rad") == 1:
         heading = units.index("rad")
@@ -59,10 +59,15 @@ def reference_figures(found: EstimateHistory, t: Array, reference: Array, names:
     figures |= {f"rms {names[k]}": _rms(errors[usable, k]) for k in rest}
     wrong = usable & (nees > chdtri(len(names), _CHANCE))
     figures["nees_mean"] = float(nees[usable].mean()) / len(names) if usable.any() else math.nan
-    figures["usable_share"] = float(usable.mean())
     figures["wrong_share"] = float(wrong.mean())
-    figures["initialising_s"] = first
-    return figures
+    return {**figures, **shares}
+
+
+def usable_figures(found: EstimateHistory) -> dict[str, float]:
+    """The share of all times at which an estimate may be used, and the time until it first may; NaN if it never may."""
+    usable = found.usable
+    first = float(found.t[int(np.argmax(usable))] - found.t[0]) if usable.any() else math.nan
+    return {"usable_share": float(usable.mean()), "initialising_s": first}
 
 
 def _rms(errors: Array) -> float:

@@ -64,3 +64,22 @@ def test_what_is_being_done_stays_in_its_panel() -> None:
         return int(np.nonzero(changed)[1].max())  # of the letters, which are white
 
     assert widest("mission failed, for a reason that takes a whole line") < 138
+
+
+def test_no_name_covers_what_is_written() -> None:
+    """A name moves off the annotation, off other names and off panels; one deep within a panel is left out."""
+    overlay = Overlay(["title"], [("TIME", "1 s", "")], "arrived", (SceneElement.FLOWN,))
+
+    def shown(*labels: Label) -> np.ndarray:
+        return OverlayWriter(640, 360).write(GREY, overlay, "arrived", labels=labels).astype(int)
+
+    places = [(320.0, 53.0), (320.0, 46.0), (318.0, 200.0), (326.0, 204.0), (60.0, 335.0), (600.0, 335.0)]
+    labels = [Label("radar", column, row) for column, row in places]
+    added = [np.abs(shown(each) - shown()).max(axis=-1) > 0 for each in labels]
+    assert [bool(each.any()) for each in added] == [True, True, True, True, False, True]
+    covered = np.abs(shown() - GREY).max(axis=-1) > 0
+    for own, (_, row) in zip(added, places, strict=True):
+        assert not (own & covered).any()
+        assert not own.any() or abs(np.nonzero(own)[0].mean() + 10.0 - row) <= 30.0  # near its place
+    both = np.abs(shown(labels[2], labels[3]) - shown()).max(axis=-1) > 0
+    assert both.sum() > 1.9 * added[2].sum()  # each whole, beside the other

@@ -108,7 +108,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
             write_together(dict(zip(files, _contents(found, log), strict=True)))
         else:
             record = {"name": name, "fields": plain(fields), "mission": options.mission}
-            made = with_estimates(path, found, record)
+            made = with_estimates(path, found, record, mission)
             write_run_files(claim.new, made.config, made.summary, made.recording)
             claim.install(dropped=SOMETIMES)
     print(found)

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from mathnavi.interfaces.short_tables import value_text
 from mathnavi.interfaces.signals import Event
-from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.figure_names import PLANNER_STATUS, SHORTFALL, SUMMARY_GROUPS, label, rest_heading
 from mathnavi.sim.records.timing import Timing, slow_components, timing_table
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
     table.add_column()
     grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
     rest = tuple(key for key in summary if key not in grouped and key not in SHOWN_ELSEWHERE)
-    for group, keys in {**SUMMARY_GROUPS, "scenario": rest}.items():
+    for group, keys in {**SUMMARY_GROUPS, rest_heading(summary): rest}.items():
         heading = group
         for key in keys:
             if key in summary and key not in SHOWN_ELSEWHERE and not (key == "efficiency" and summary[key] is None):

@@ -27,7 +27,8 @@ from mathnavi.interfaces.field_table import TOGETHER, Positional
 from mathnavi.models.opengl_probe import FaultError, try_glfw
 from mathnavi.sim.engine.scene_record import RecordedMotion
 from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
+from mathnavi.sim.records.documents import LOG_SCENARIO
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_record, read_state_names
 
 DESCRIPTION = (
     "Replay a run in MuJoCo's viewer until its window is closed; with --web in a browser, at this machine alone unless "
@@ -39,6 +40,7 @@ REST = 1.0  # [s] at the end, before it begins again
 MOST_POINTS = 300  # of a path
 PATH = (0.93, 0.45, 0.05, 1.0)  # colour
 DISTANCE = 12.0  # of the camera, in sizes of a vehicle
+NO_MODEL = "allowed: `mathnavi view DIR --web`, which shows its plan and charts, or `mathnavi report DIR`"
 NO_DISPLAY = "allowed: a desktop, or `mathnavi view DIR --web`, or `mathnavi render DIR` for a video"
 
 
@@ -100,6 +102,9 @@ def read_replay(folder: Path) -> RecordedMotion:
     """Read the run in a folder; BadInputError if it cannot be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
+    with bad_input():
+        if read_record(folder)[0].get("scenario") == LOG_SCENARIO:
+            raise BadInputError(f"DIR = {folder}: a recorded log has no model for MuJoCo's viewer; {NO_MODEL}")
     recorded = RecordedSpec.read(folder)
     with bad_input():
         logs = _logs(folder)

@@ -100,11 +100,11 @@ def test_a_recorded_run_with_unknown_beacons_gives_the_same_estimates_and_is_dra
         assert np.array_equal(again[f"estimate.{name}"], mapped[f"estimate.{name}"], equal_nan=True), name
     drawn = load_run(folder)
     assert drawn.beacons.tolist() == [list(place) for place in PLACES]
-    (place, P), (other, _) = drawn.beacons_believed(len(drawn.beliefs.t) - 1)
+    (place, P), (other, _) = drawn.beacons_believed(len(drawn.beliefs.t) - 1).values()
     assert place == pytest.approx(mapped["estimate.beacons"][-1, :2])
     assert other == pytest.approx(mapped["estimate.beacons"][-1, 4:])
     assert np.linalg.eigvalsh(P)[0] > 0.0
-    assert drawn.beacons_believed(0) == []
+    assert drawn.beacons_believed(0) == {}
     scene = web_scene(drawn)
     assert [mark.text for mark in scene.marks] == ["robot", "beacon 0", "beacon 1", "beacon 2"]
     ends = [line for lines in scene.lines for line in lines.at(drawn.duration)]

@@ -241,7 +241,11 @@ class RecordedLog:
             found[name] = rows
         acting = None if held is None else held[1][np.searchsorted(held[0], t, side="right") - 1]
         unlike = tuple(dict.fromkeys(notes))  # sensors that share a channel say the same
-        return SensorLog(t, found, acting, self.source, self.start, unlike, quaternions)
+        columns = {
+            name: tuple(self.channels[channel].signals[k] for channel, k in self.places(signals))
+            for name, signals in readings.items()
+        }
+        return SensorLog(t, found, acting, self.source, self.start, unlike, quaternions, columns)
 
     def _part(
         self, sensor: str, wanted: str | Sequence[str], units: Mapping[tuple[str, int], float], disorder: Disorder,

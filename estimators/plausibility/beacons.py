@@ -140,7 +140,7 @@ def _path(t: Array, odometry: Array) -> _Path:
 
 
 def _windows(at: Array, least: float) -> tuple[Array, Array]:
-    """Indices (k,) at which windows begin and end over which ``at`` (n,), which does not decrease, grows by ``least``."""
+    """Indices (k,) at which windows begin and end over which ``at`` (n,), in order, grows by ``least``."""
     later = np.searchsorted(at, at + least)
     first = np.flatnonzero(later < len(at))
     if len(first):

@@ -94,6 +94,32 @@ def test_a_log_becomes_a_run_that_is_estimated_smoothed_reported_and_compared(
     assert main(["compare", "found", "smoothed", "--out", "compared.html"]) == 0
 
 
+def test_what_replaces_an_earlier_run_says_so_and_leaves_no_report_of_it(
+    mower: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = "\n".join(["t,r0,r1,r2,r3,v,w", *(f"{0.2 * k:.1f},20,30,40,30,0,0" for k in range(60)), ""])
+    (mower / "still.csv").write_text(table)
+    mission = ("--mission", "mower.py:mission")
+    readings = ("--readings", "beacon_ranges=r0,r1,r2,r3", "odometry=v,w")
+    commands = {
+        "run": (["log", "import", "still.csv", *readings], (0,)),
+        "found": (["estimate", "beacon_bank", "run", *mission], (0, 1)),
+        "table": (["estimate", "beacon_bank", "still.csv", *mission, *readings], (0, 1)),
+    }
+    for out, (words, codes) in commands.items():
+        assert main([*words, "--out", out]) in codes
+        assert "replaced" not in capsys.readouterr().err
+    for out, (words, codes) in commands.items():
+        (mower / out / "report.html").write_text("of the first")
+        (mower / out / "notes.txt").write_text("of the user")
+        assert main([*words, "--out", out]) in codes
+        what = "estimates" if out == "table" else "run"
+        gone = "" if out == "table" else ", and removed its report.html"
+        assert f"replaced the {what} in {out}{gone}\n" in capsys.readouterr().err
+        assert (mower / out / "report.html").exists() is (out == "table")
+        assert (mower / out / "notes.txt").read_text() == "of the user"
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

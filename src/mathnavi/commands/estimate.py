@@ -26,6 +26,7 @@ from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import note_environment
 from mathnavi.commands.recorded_spec import RecordedSpec
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.run import build, fly
 from mathnavi.commands.summary import print_timing, verdict
 from mathnavi.commands.wrapping import wrapped
@@ -36,7 +37,7 @@ from mathnavi.interfaces.signal_names import difference
 from mathnavi.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import SOMETIMES, RunLog, read_log
+from mathnavi.sim.records.run_folder import RunLog, read_log
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.declared_signals import true_values
@@ -90,7 +91,7 @@ def main(argv: Sequence[str]) -> int:
         with line.failures("a run"):
             result = fly(playback, progress, lambda: _playback(line, recorded, log, estimator))
         result.write_files(claim.new)
-        claim.install(dropped=SOMETIMES)
+        install_run(claim, out, errors)
     console = Console(markup=False, emoji=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'estimator')}", style="bold", highlight=False)
     console.print(_comparison(line.spec, estimator, recorded.spec, log, result))

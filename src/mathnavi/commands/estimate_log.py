@@ -21,6 +21,7 @@ from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin, print_note, worded
 from mathnavi.commands.output import output_folder, run_folder
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.summary import summary_table
 from mathnavi.estimators.stagewise.recorded_smoother import SmootherConfig, Smoothing
 from mathnavi.interfaces.bounds import configuration
@@ -35,7 +36,7 @@ from mathnavi.sim.logs.imported import sensor_log_of, with_estimates
 from mathnavi.sim.plugin.named_object import named_object
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.files import npz_bytes
-from mathnavi.sim.records.run_folder import SOMETIMES, read_record, write_run_files
+from mathnavi.sim.records.run_folder import read_record, write_run_files
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
 ARRAYS, TABLE = "estimates.npz", "estimates.csv"
@@ -105,12 +106,15 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
         except (ValueError, OSError) as error:
             raise BadInputError(as_flags(with_flag(worded(error), known))) from error
         if claim is None:
+            replaced = any(file.exists() for file in files)
             write_together(dict(zip(files, _contents(found, log), strict=True)))
+            if replaced:
+                print_note(errors, f"replaced the estimates in {out}")
         else:
             record = {"name": name, "fields": plain(fields), "mission": options.mission}
             made = with_estimates(path, found, record)
             write_run_files(claim.new, made.config, made.summary, made.recording)
-            claim.install(dropped=SOMETIMES)
+            install_run(claim, out, errors)
     print(found)
     if claim is not None:
         Console(markup=False, emoji=False, highlight=False).print(summary_table(made.summary, ()))

@@ -14,6 +14,7 @@ from mathnavi.commands.arguments import FlagGroup, parse
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.estimate_log import pairs
 from mathnavi.commands.output import run_folder
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.summary import summary_table
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
@@ -25,7 +26,7 @@ from mathnavi.sim.logs.formats import read
 from mathnavi.sim.logs.imported import Selection, imported
 from mathnavi.sim.logs.recorded_log import Disorder, RecordedLog
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.records.run_folder import SOMETIMES, write_run_files
+from mathnavi.sim.records.run_folder import write_run_files
 
 _MOST_BYTES, _CHUNK = 1 << 40, 1 << 20  # of a log, and of what is read of it at once
 
@@ -80,7 +81,7 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
         raise BadInputError(as_flags(worded(error)).replace("--units", "--signal-units")) from error
     with run_folder(options.out) as claim:
         write_run_files(claim.new, made.config, made.summary, made.recording)
-        claim.install(dropped=SOMETIMES)
+        install_run(claim, options.out, Console(stderr=True, markup=False, emoji=False))
     console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"{log.source}: {log.format}", style="bold", soft_wrap=True)
     console.print(summary_table(made.summary, made.recording.events))

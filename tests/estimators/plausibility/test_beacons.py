@@ -83,7 +83,7 @@ def test_odometry_in_another_unit_contradicts_readings_that_fit_the_places(
         ([(1e2 * x, 1e2 * y) for x, y in PLACES], "as centimetres in the places of the beacons"),
         (
             [(59.0 + y / 111_320, 18.0 + x / 57_334) for x, y in PLACES],
-            "as degrees of latitude and longitude in the pl",
+            "as degrees of latitude and longitude in",
         ),
     ],
 )

@@ -72,6 +72,8 @@ class EstimateLogOptions:
 
 def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
     """Run the estimator called ``name`` over the log in a file or a folder, and return the exit code."""
+    if not path.exists():
+        raise BadInputError(f"{path} does not exist; allowed: a log in a text file, or the folder of a run")
     plugin, default = _estimator(name, path)
     groups = (
         FlagGroup(EstimateLogOptions),
@@ -85,7 +87,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
         raise BadInputError("--readings is missing; allowed: SENSOR=COLUMNS...")
     if is_folder and options.readings:
         raise BadInputError(f"--readings with {path}; allowed: of a file, for the readings of a folder have names")
-    out = options.out or path.with_name(f"{path.name if is_folder else path.stem}-{name.replace(':', '.')}")
+    out = options.out or beside(path, name)
     files = [out / ARRAYS, out / TABLE]
     known = [flag for group in groups for flag in group.section.flags]
     with bad_input():
@@ -120,6 +122,12 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
         Console(markup=False, emoji=False, highlight=False).print(summary_table(made.summary, ()))
     print(f"{'estimates' if claim is None else 'run     '}  {out}")
     return 0 if found.ok.any() else 1
+
+
+def beside(path: Path, name: str) -> Path:
+    """Return the folder of the estimates of the estimator ``name``, next to a log or the folder of a run."""
+    place = path if path.name not in ("", "..") else path.resolve()
+    return place.with_name(f"{place.name if place.is_dir() else place.stem}-{name.replace(':', '.')}")
 
 
 def _estimator(name: str, path: Path) -> tuple[Any, Any]:

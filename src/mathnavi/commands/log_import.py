@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from rich.console import Console
 
 from mathnavi.commands.advised_flags import as_flags
-from mathnavi.commands.arguments import FlagGroup, parse
+from mathnavi.commands.arguments import FlagGroup, given, parse
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.estimate_log import pairs
 from mathnavi.commands.output import run_folder
@@ -63,11 +63,18 @@ class LogImportOptions:
     given"""
 
 
+_LISTS = ("readings", "signal_units", "spread", "rates", "delays")
+
+
 def import_log(words: Sequence[str], plugin: Any) -> int:
     """Write the folder of a run from the log that the words name, in the format of a plug-in; return the exit code."""
     groups = FlagGroup(LogImportOptions), FlagGroup(plugin.Config, default=plugin.Config())
     purpose = "Write the folder of a run from a log: its readings, inputs, reference, and where it is from."
     options, config = parse(words, "mathnavi log import", purpose, *groups)
+    for name in _LISTS:
+        flag = f"--{name.replace('_', '-')}"
+        if flag in given(words) and not getattr(options, name):
+            raise BadInputError(f"{flag} without a value; allowed: one or more, or not this flag")
     with bad_input():
         check_spares(options.out, [options.file], "--out")
     try:
@@ -93,7 +100,14 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
 
 def _changed(log: RecordedLog, options: LogImportOptions) -> RecordedLog:
     """The log with the channels that the flags make of it."""
+    divided: set[tuple[str, int]] = set()
     for name in options.rates:
+        places = log.places(name)
+        if twice := divided.intersection(places):
+            channel, k = min(twice)
+            signal = f"{channel}:{log.channels[channel].signals[k]}"
+            raise BadInputError(f"--rates = {name}: the rate of {signal} is taken twice; allowed: once")
+        divided |= set(places)
         log = log.rates(name)
     for channel, seconds in pairs("--delays", options.delays).items():
         try:

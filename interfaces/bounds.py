@@ -173,7 +173,9 @@ def check_bounds(fields: Any, prefix: str = "") -> None:
             continue
         for item in value if each else (value,):
             if not holds(item):
-                raise FieldError(f"{prefix.format_map(vars(fields))}{name} = {_shown(item)!r}; allowed: {allowed}{hint(item)}")
+                raise FieldError(
+                    f"{prefix.format_map(vars(fields))}{name} = {_shown(item)!r}; allowed: {allowed}{hint(item)}"
+                )
 
 
 def _shown(value: Any) -> Any:

@@ -28,6 +28,7 @@ from mathnavi.interfaces.reading_counts import Unused, unused_in, unused_text
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.beacon_names import SENSORS
 from mathnavi.sim.plugin.registry import (
     LOGGED,
     PluginSpec,
@@ -353,7 +354,8 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
         )
     values = log.readings[sensor.name]
     if values.shape[1] != sensor.size:
-        raise LogError(f"{log.source}: {sensor.name} has {values.shape[1]} columns; allowed: {sensor.size}")
+        beacons = ", as many as the beacons of the mission have" if sensor.name in SENSORS.values() else ""
+        raise LogError(f"{log.source}: {sensor.name} has {values.shape[1]} columns; allowed: {sensor.size}{beacons}")
     if getattr(sensor, "partial", False):
         return
     missing = np.isnan(values).all(axis=1)

@@ -132,9 +132,9 @@ def test_a_timestep_that_is_too_long_is_found_and_the_one_to_write_runs(checked:
 
 CART = """<mujoco><worldbody><geom {floor} type="plane" size="5 5 1"/><body name="cart/box" pos="0 0 0.1">
 <joint name="cart/x" type="slide" axis="1 0 0"/><joint name="cart/z" type="slide" axis="0 0 1"/>
-<geom size=".1" mass="1"/><site name="imu"/>
+<geom size=".1" mass="1"/><yard name="imu"/>
 <body {arm} pos="0 0 .2"><joint {hinge} axis="0 1 0"/><geom size=".05" pos=".3 0 0"/></body></body></worldbody>
-<actuator><motor {motor} joint="cart/x"/></actuator><sensor><gyro {gyro} site="imu"/></sensor></mujoco>"""
+<actuator><motor {motor} joint="cart/x"/></actuator><sensor><gyro {gyro} yard="imu"/></sensor></mujoco>"""
 NAMED = {part: f'name="{name}"' for part, name in {
     "floor": "floor", "arm": "cart/arm", "hinge": "cart/hinge", "motor": "cart/motor", "gyro": "cart/gyro"
 }.items()}  # fmt: skip
@@ -313,3 +313,28 @@ def test_what_is_not_there_is_one_line(
     assert main(["check", subject]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "yard.py",
+            "yard.py is a file of Python code; allowed: `mathnavi check yard.py:CLASS` for the class of a plug-in",
+        ),
+        ("yard.py", "`mathnavi check ESTIMATOR --mission yard.py:mission` for a mission"),
+        ("yard.py:mission", "yard:mission is a BeaconMission, no class of a plug-in"),
+        ("yard.csv", "yard.csv is no model; allowed: an MJCF file, .xml, or a plug-in"),
+    ],
+)
+def test_a_file_of_another_kind_is_named_with_the_command_that_takes_it(
+    words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    code = "import mathnavi as mn\nmission = mn.BeaconMission(((0.0, 1.0),), ranges=mn.BeaconQuality(0.3))\n"
+    (tmp_path / "yard.py").write_text(code)
+    (tmp_path / "yard.csv").write_text("t,x\n0,1\n")
+    monkeypatch.delitem(sys.modules, "yard", raising=False)
+    assert main(["check", words]) == 2
+    assert said in capsys.readouterr().err

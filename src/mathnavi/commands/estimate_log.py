@@ -32,6 +32,8 @@ from mathnavi.interfaces.fields import instance, plain
 from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.reading.table_format import TableFormat, names_in
 from mathnavi.interfaces.writing import write_together
+from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, RANGES
+from mathnavi.models.unicycle.beacons import BeaconMission
 from mathnavi.sim.logs.imported import sensor_log_of, with_estimates
 from mathnavi.sim.plugin.named_object import named_object
 from mathnavi.sim.plugin.registry import PluginSpec, load
@@ -102,7 +104,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
     with run_folder(out) if is_folder else output_folder(out) as claim:
         try:
             log = sensor_log_of(path) if is_folder else _log(path, options, form)
-            for note in log.notes:
+            for note in (*log.notes, *beacon_columns(log, mission)):
                 print_note(errors, f"{path}: {note}")
             found = estimate(PluginSpec(plugin, fields), mission, log, trust_units=options.trust_units)
         except (ValueError, OSError) as error:
@@ -128,6 +130,15 @@ def beside(path: Path, name: str) -> Path:
     """Return the folder of the estimates of the estimator ``name``, next to a log or the folder of a run."""
     place = path if path.name not in ("", "..") else path.resolve()
     return place.with_name(f"{place.name if place.is_dir() else place.stem}-{name.replace(':', '.')}")
+
+
+def beacon_columns(log: SensorLog, mission: Any) -> list[str]:
+    """Return, for each sensor of beacons, which column of the log is which of the beacons that messages number."""
+    return [
+        f"{name}: {', '.join(f'beacon {i} is {column!r}' for i, column in enumerate(columns))}"
+        for name, columns in log.columns.items()
+        if name in (RANGES, DIFFERENCES) or (name == BEARINGS and isinstance(mission, BeaconMission))
+    ]
 
 
 def _estimator(name: str, path: Path) -> tuple[Any, Any]:

@@ -242,8 +242,8 @@ def _factors(sensor: _Sensor, places: Array, speed_max: float) -> tuple[float, f
     if finite.sum() < _FEWEST:
         return 0.0, math.inf
     noise = _APART * sensor.sigma + moved
-    tiny = np.finfo(float).tiny
-    low, high = np.maximum(d - noise, 0.0) / np.maximum(together, tiny), (d + noise) / np.maximum(apart, _LEAST_APART)
+    low = np.maximum(d - noise, 0.0) / np.maximum(together, _LEAST_APART)
+    high = (d + noise) / np.maximum(apart, _LEAST_APART)
     return float(np.quantile(low[finite], 0.8)), float(np.quantile(high[finite], 0.2))
 
 

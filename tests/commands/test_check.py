@@ -132,9 +132,9 @@ def test_a_timestep_that_is_too_long_is_found_and_the_one_to_write_runs(checked:
 
 CART = """<mujoco><worldbody><geom {floor} type="plane" size="5 5 1"/><body name="cart/box" pos="0 0 0.1">
 <joint name="cart/x" type="slide" axis="1 0 0"/><joint name="cart/z" type="slide" axis="0 0 1"/>
-<geom size=".1" mass="1"/><yard name="imu"/>
+<geom size=".1" mass="1"/><site name="imu"/>
 <body {arm} pos="0 0 .2"><joint {hinge} axis="0 1 0"/><geom size=".05" pos=".3 0 0"/></body></body></worldbody>
-<actuator><motor {motor} joint="cart/x"/></actuator><sensor><gyro {gyro} yard="imu"/></sensor></mujoco>"""
+<actuator><motor {motor} joint="cart/x"/></actuator><sensor><gyro {gyro} site="imu"/></sensor></mujoco>"""
 NAMED = {part: f'name="{name}"' for part, name in {
     "floor": "floor", "arm": "cart/arm", "hinge": "cart/hinge", "motor": "cart/motor", "gyro": "cart/gyro"
 }.items()}  # fmt: skip

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -36,7 +35,7 @@ from mathnavi.estimators.plausibility.units import (
 )
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
-from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, SENSORS
+from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, RANGES, SENSORS
 from mathnavi.models.unicycle.beacons import LEAST_NOISE, BeaconMission
 
 _OUTLIERS = 0.25  # share of outliers, up to which medians are believed
@@ -44,7 +43,8 @@ _FEWEST, _MOST = 12, 400  # windows or pairs that are compared: at least, and of
 _LONG = 10.0  # standard deviations of a reading: length of a path over which it is compared
 _TYPICAL = 0.25  # of the longest range: at which a relative error counts
 _TOO_FAST, _TOO_SLOW = 4.0, 0.03  # times the path: median change that contradicts it
-_LIKELY, _MIDDLE = (0.1, 1.6), 0.5  # times the path: median changes of a robot, and the usual one
+_STRAIGHT, _CLEAR = 1.0, 0.25  # [rad] of a path, and median change of a robot that says its speed
+_LIKELY = 0.12, 1.6  # times the path: median changes of a robot
 _LEAST_APART = 1e-12  # [m] of two ranges
 _INSTANT = 1.0  # [s] times of waves to beacons are shorter
 _SMOOTH, _NOISE = 0.8, 4.0  # share of the changes that are within the path, but for so many standard deviations
@@ -52,7 +52,7 @@ _CONTRADICTED, _SLACK, _APART = 3.0, 1.5, 3.0  # factors beyond and within the p
 _LEAST_TURN = 0.3  # [rad] over which bearings are compared
 _OFF, _AGREES = 0.8, 0.4  # of the turn: median error of bearings that contradict it, and that agree with it
 
-_LENGTHS, _WAVES = (CENTIMETRES, MILLIMETRES), (SOUND_SECONDS, RADIO_SECONDS)
+_LENGTHS, _WAVES = (CENTIMETRES, MILLIMETRES), (SOUND_SECONDS, RADIO_SECONDS)  # in a smaller unit all is smooth
 _SPEEDS = (CENTIMETRES_PER_SECOND, MILLIMETRES_PER_SECOND)
 _SPEED, _TURN_RATE = "column 0 of odometry, the speed", "column 1 of odometry, the turn rate"
 
@@ -72,7 +72,8 @@ class _Sensor:
     name: str
     t: Array  # (n,) [s]
     y: Array  # (n, m), NaN where there is none
-    sigma: float  # [m, rad] standard deviation
+    sigma: float  # [m, rad] standard deviation of one in the surroundings
+    relative: float  # share of a length that it is
     columns: Sequence[str]  # (m,) names; none if they are not known
 
     @property
@@ -122,7 +123,7 @@ def misread(
         longest = min(_TYPICAL * mission.longest, float(np.nanmedian(np.abs(y))))  # in any unit
         relative = 0.0 if name == BEARINGS else quality.relative * longest
         sigma = math.hypot(max(quality.absolute, LEAST_NOISE), relative)
-        sensor = _Sensor(name, t, y, sigma, columns.get(name, ()))
+        sensor = _Sensor(name, t, y, sigma, quality.relative, columns.get(name, ()))
         said = _bearings(sensor, path) if name == BEARINGS else _lengths(sensor, path, mission)
         if said:
             return said
@@ -161,30 +162,61 @@ def _lengths(sensor: _Sensor, path: _Path, mission: BeaconMission) -> str:
         beyond = high * _CONTRADICTED < 1.0
         unit = next((each for each in _LENGTHS if beyond and _is_within(each.factor, low, high)), None)
         return "" if unit is None else sensor.fits("the places of the beacons", {unit: sensor.read})
+    if high * _CONTRADICTED < 1.0 and (said := _of_all_lengths(sensor, path, mission.places, low, high)):
+        return said
     judged = {i: each for i, each in changes.items() if len(each) >= _FEWEST}
     fast = any(_share(each) > _TOO_FAST for each in judged.values())
     beyond = {i: each for i, each in judged.items() if not _is_smooth(each, sensor.sigma)}
     share = _share(pooled)
     if fast and len(beyond) < len(judged):
-        return sensor.fits("odometry", _units_of(beyond, sensor.sigma))
+        found = _units_of(beyond, sensor.sigma)
+        return sensor.fits("odometry", found) if sum(map(len, found.values())) == len(beyond) else ""
     instants = share < _TOO_SLOW and float(np.nanquantile(np.abs(sensor.y), 0.9)) < _INSTANT
     if fast or instants:
-        for unit in sorted(_LENGTHS if fast else _WAVES, key=partial(_unusual, share)):
+        for unit in _LENGTHS if fast else _WAVES:
             if _agrees(pooled * [unit.factor, 1.0], sensor.sigma) and _is_within(unit.factor, low, high):
                 return sensor.fits("odometry", {unit: sensor.read})
-    if share < _TOO_SLOW and _is_within(1.0, low, high):
-        for unit in _SPEEDS:
-            slower = [_changes(sensor, replace(path, s=unit.factor * path.s), i) for i in sensor.read]
-            if _agrees(np.concatenate(slower), sensor.sigma):
-                return fit_only("odometry", sensor.name, [(unit.name, _SPEED, unit.allowed)])
-    return _of_places(sensor, mission, low, high) if _TOO_SLOW <= share <= _TOO_FAST else ""
+    if share < _TOO_SLOW and sensor.name == RANGES and _is_within(1.0, low, high):  # far off, differences stay
+        return _of_speed(sensor, path)
+    return _of_places(sensor, mission, low, high) if _agrees(pooled, sensor.sigma) else ""
 
 
-def _changes(sensor: _Sensor, path: _Path, beacon: int) -> Array:
-    """Changes (k, 2) [m] of the readings of a beacon, and most that they can be, over paths of some noise."""
+def _of_speed(sensor: _Sensor, path: _Path) -> str:
+    """What is said of odometry where ranges change too little, on paths that are nearly straight too."""
+    straight = np.concatenate([_changes(sensor, path, i, _STRAIGHT) for i in sensor.read])
+    if len(straight) < _FEWEST or _share(straight) >= _TOO_SLOW:
+        return ""
+    for unit in _SPEEDS:
+        slower = np.concatenate([_changes(sensor, replace(path, s=unit.factor * path.s), i) for i in sensor.read])
+        if _agrees(slower, sensor.sigma):
+            sure = _share(slower) >= _CLEAR
+            return fit_only("odometry", sensor.name, [(unit.name, _SPEED, unit.allowed)]) if sure else ""
+    return ""
+
+
+def _of_all_lengths(sensor: _Sensor, path: _Path, places: Array, low: float, high: float) -> str:
+    """What is said of readings and odometry in the same unit, where the places are in metres."""
+    apart = np.ptp(places[np.isfinite(places).all(axis=1)], axis=0).max() > _APART * sensor.sigma
+    for unit, speed in zip(_LENGTHS, _SPEEDS, strict=True):
+        scaled = replace(sensor, y=unit.factor * sensor.y), replace(path, s=unit.factor * path.s)
+        changes = np.concatenate([_changes(*scaled, i) for i in sensor.read])
+        if apart and _is_within(unit.factor, low, high) and _agrees(changes, sensor.sigma):
+            both = [(unit.name, sensor.called(sensor.read), unit.allowed), (speed.name, _SPEED, speed.allowed)]
+            return fit_only(f"{sensor.name} and odometry", "the places of the beacons", both)
+    return ""
+
+
+def _changes(sensor: _Sensor, path: _Path, beacon: int, turn: float = math.inf) -> Array:
+    """Changes (k, 2) [m] of the readings of a beacon, and most that they can be, over paths that are longer than noise.
+
+    Of paths on which the robot turns by more than ``turn`` [rad] there is none.
+    """
     y = sensor.y[:, beacon]
     rows = np.flatnonzero(np.isfinite(y) & np.isfinite(path.s))
     first, last = _windows(path.s[rows], _LONG * sensor.sigma)
+    turned = np.cumsum(np.abs(np.diff(path.heading, prepend=path.heading[:1])))[rows]
+    near = turned[last] - turned[first] <= turn
+    first, last = first[near], last[near]
     most = (2.0 if sensor.name == DIFFERENCES else 1.0) * (path.s[rows[last]] - path.s[rows[first]])
     return np.column_stack([np.abs(y[rows[last]] - y[rows[first]]), most])
 
@@ -192,11 +224,6 @@ def _changes(sensor: _Sensor, path: _Path, beacon: int) -> Array:
 def _share(changes: Array) -> float:
     """Median share of the most by which readings can change."""
     return float(np.median(changes[:, 0] / changes[:, 1]))
-
-
-def _unusual(share: float, unit: Unit) -> float:
-    """How far a median share is in a unit from the usual one."""
-    return abs(math.log(max(share * unit.factor, 1e-300) / _MIDDLE))
 
 
 def _is_smooth(changes: Array, sigma: float) -> bool:
@@ -241,10 +268,11 @@ def _factors(sensor: _Sensor, places: Array, speed_max: float) -> tuple[float, f
     finite = np.isfinite(d)
     if finite.sum() < _FEWEST:
         return 0.0, math.inf
-    noise = _APART * sensor.sigma + moved
+    farther = np.where(np.isfinite(together), together, apart)
+    noise = _APART * np.hypot(sensor.sigma, sensor.relative * farther) + moved
     low = np.maximum(d - noise, 0.0) / np.maximum(together, _LEAST_APART)
     high = (d + noise) / np.maximum(apart, _LEAST_APART)
-    return float(np.quantile(low[finite], 0.8)), float(np.quantile(high[finite], 0.2))
+    return float(np.median(low[finite])), float(np.median(high[finite]))
 
 
 def _is_within(factor: float, low: float, high: float) -> bool:
@@ -255,13 +283,9 @@ def _of_places(sensor: _Sensor, mission: BeaconMission, low: float, high: float)
     """What is said where readings agree with odometry and contradict the places."""
     places = mission.places
     if low > _CONTRADICTED:
-        unit = next((each for each in _LENGTHS if _is_within(1.0 / each.factor, low, high)), None)
+        exact = next((each for each in _LENGTHS if low <= 1.0 / each.factor <= high), None)
+        unit = exact or next((each for each in _LENGTHS if _is_within(1.0 / each.factor, low, high)), None)
     elif high * _CONTRADICTED < 1.0:
-        seen = bool(np.nanmax(np.ptp(places[~np.isnan(places).any(axis=1)], axis=0)) > _APART * sensor.sigma)
-        for unit, speed in zip(_LENGTHS, _SPEEDS, strict=True):
-            if seen and _is_within(unit.factor, low, high):
-                both = [(unit.name, sensor.called(sensor.read), unit.allowed), (speed.name, _SPEED, speed.allowed)]
-                return fit_only(f"{sensor.name} and odometry", "the places of the beacons", both)
         metres = _factors(sensor, LATITUDES.factor * places, mission.speed_max)
         on_earth = bool((np.nan_to_num(np.abs(places)) <= 180.0).all())
         unit = LATITUDES if on_earth and _is_within(1.0, metres[0] / _CONTRADICTED, metres[1]) else None

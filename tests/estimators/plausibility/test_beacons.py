@@ -65,7 +65,7 @@ def test_readings_in_another_unit_contradict_odometry_at_known_and_unknown_place
     ("kind", "odometry", "expected"),
     [
         ("ranges", (1e3, 1.0), "as mm/s in column 0 of odometry, the speed"),
-        ("range_differences", (1e2, 1.0), "as cm/s in column 0 of odometry, the speed"),
+        ("ranges", (1e2, 1.0), "as cm/s in column 0 of odometry, the speed"),
         ("bearings", (1.0, DEGREES), "as deg/s in column 1 of odometry, the turn rate"),
     ],
 )

@@ -173,16 +173,7 @@ def check_bounds(fields: Any, prefix: str = "") -> None:
             continue
         for item in value if each else (value,):
             if not holds(item):
-                raise FieldError(
-                    f"{prefix.format_map(vars(fields))}{name} = {_shown(item)!r}; allowed: {allowed}{hint(item)}"
-                )
-
-
-def _shown(value: Any) -> Any:
-    """Return a value as a message shows it: plain numbers in place of NumPy's."""
-    if isinstance(value, tuple):
-        return tuple(map(_shown, value))
-    return value.tolist() if hasattr(value, "tolist") else value
+                raise FieldError(f"{prefix.format_map(vars(fields))}{name} = {item!r}; allowed: {allowed}{hint(item)}")
 
 
 class Declared(NamedTuple):

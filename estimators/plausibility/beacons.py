@@ -33,7 +33,7 @@ from mathnavi.estimators.plausibility.units import (
     Unit,
     fit_only,
 )
-from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.angles import wrapped
 from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, RANGES, SENSORS
 from mathnavi.models.unicycle.beacons import LEAST_NOISE, BeaconMission
@@ -140,7 +140,7 @@ def _path(t: Array, odometry: Array) -> _Path:
     return _Path(np.cumsum(np.abs(steps[:, 0])), np.cumsum(steps[:, 1]))
 
 
-def _windows(at: Array, least: float) -> tuple[Array, Array]:
+def _windows(at: Array, least: float) -> tuple[Integers, Integers]:
     """Indices (k,) at which windows begin and end over which ``at`` (n,), in order, grows by ``least``."""
     later = np.searchsorted(at, at + least)
     first = np.flatnonzero(later < len(at))
@@ -158,11 +158,11 @@ def _lengths(sensor: _Sensor, path: _Path, mission: BeaconMission) -> str:
     changes = {i: _changes(sensor, path, i) for i in sensor.read}
     changes = {i: each for i, each in changes.items() if len(each)}
     pooled = np.concatenate([*changes.values(), np.empty((0, 2))])
+    too_long = high * _CONTRADICTED < 1.0
     if len(pooled) < _FEWEST:
-        beyond = high * _CONTRADICTED < 1.0
-        unit = next((each for each in _LENGTHS if beyond and _is_within(each.factor, low, high)), None)
+        unit = next((each for each in _LENGTHS if too_long and _is_within(each.factor, low, high)), None)
         return "" if unit is None else sensor.fits("the places of the beacons", {unit: sensor.read})
-    if high * _CONTRADICTED < 1.0 and (said := _of_all_lengths(sensor, path, mission.places, low, high)):
+    if too_long and (said := _of_all_lengths(sensor, path, mission.places, low, high)):
         return said
     judged = {i: each for i, each in changes.items() if len(each) >= _FEWEST}
     fast = any(_share(each) > _TOO_FAST for each in judged.values())

@@ -112,7 +112,7 @@ def read_log_columns(
 def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableFormat) -> list[int]:
     """Return the places of columns by their names, whole or without their units."""
     short = bare(head.names)
-    places = []
+    places: list[int] = []
     for name in wanted:
         found = [k for k, each in enumerate(head.names) if each == name]
         found = found or [k for k, each in enumerate(short) if each == name]

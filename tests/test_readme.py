@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,18 @@ def test_five_lines_fly_a_scenario_and_read_arrays(shown: dict[str, Any], capsys
     assert float(line.split()[0]) == run.summary["min_clearance_m"] >= 50.0
     assert {path.name for path in Path("flight").iterdir()} >= {"config.json", "log.npz", "summary.json"}
     assert "safe-flight" in Path("flight.html").read_text(encoding="utf-8")
+
+
+def test_what_the_readme_makes_of_a_template_is_not_put_into_the_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (words,) = [shlex.split(line, comments=True)[1:] for line in README.splitlines() if "mathnavi new vehicle" in line]
+    checkout = tmp_path / "checkout"
+    checkout.mkdir()
+    monkeypatch.chdir(checkout)
+    assert main(words) == 0
+    assert not list(checkout.iterdir())
+    assert (tmp_path / "rover" / "README.md").is_file()
 
 
 @pytest.mark.parametrize(

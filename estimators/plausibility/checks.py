@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.plausibility import base_imu, imu_alone, inertial, positions
+from mathnavi.estimators.plausibility import base_imu, beacons, imu_alone, inertial, positions
 from mathnavi.estimators.plausibility import odometry as odometry_check
 from mathnavi.estimators.plausibility.motion import RecordedMotion
 from mathnavi.interfaces.joint_states import QuaternionOrder
@@ -19,6 +19,7 @@ from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.floating_base import FEET, IMU, JOINT_POSITIONS, JOINTS
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.unicycle.beacons import BeaconFieldMission, BeaconMission
 from mathnavi.models.unicycle.mission import RangingMission
 
 Check = Generator[None, None, str]
@@ -36,6 +37,7 @@ class Recording:
     readings: Mapping[str, Array]  # (n, m), NaN where there was none
     inputs: Array  # (n, nu) from each time to the next
     quaternions: QuaternionOrder = "wxyz"  # order in which they came; here the scalar is first
+    columns: Mapping[str, Sequence[str]] = field(default_factory=dict)  # names of those of a sensor, where known
 
 
 @singledispatch
@@ -83,6 +85,22 @@ def _(mission: RangingMission, recording: Recording) -> Check:
         return ""
     ranges, odometry = recording.readings["ranges"], recording.readings["odometry"]
     said = yield from odometry_check.misread(mission, recording.t, ranges, odometry)
+    return said
+
+
+@misread.register
+def _(mission: BeaconMission, recording: Recording) -> Check:
+    yield from ()
+    return beacons.misread(mission, recording.t, recording.readings, recording.inputs, recording.columns)
+
+
+@misread.register
+def _(mission: BeaconFieldMission, recording: Recording) -> Check:
+    said = yield from misread(mission.beacon_mission, recording)
+    if not said and {"ranges", "odometry"} <= recording.readings.keys():
+        said = yield from odometry_check.misread(
+            mission, recording.t, recording.readings["ranges"], recording.readings["odometry"]
+        )
     return said
 
 

@@ -20,12 +20,22 @@ DEGREES = Unit("as degrees", math.pi / 180.0, "radians: multiply by pi/180")
 TURNS = Unit("as turns", 2.0 * math.pi, "radians: multiply by 2 pi")
 MILLIMETRES = Unit("as millimetres", 1e-3, "metres: multiply by 0.001")
 CENTIMETRES = Unit("as centimetres", 1e-2, "metres: multiply by 0.01")
+SOUND_SECONDS = Unit("as times of sound in seconds", 343.0, "metres: multiply by the speed of sound, 343 m/s in air")
+RADIO_SECONDS = Unit("as times of radio in seconds", 299_792_458.0, "metres: multiply by 299792458 m/s")
+LATITUDES = Unit(
+    "as degrees of latitude and longitude",
+    111_320.0,
+    "metres in a plane: multiply latitudes by 111320, and longitudes by 111320 cos(latitude)",
+)
 OTHER_SIGN = Unit("with the other sign", -1.0, "the model's sign: multiply by -1, unless the input has the wrong one")
 
 DEGREES_PER_SECOND = Unit("as deg/s", math.pi / 180.0, "rad/s: multiply by pi/180")
 MILLIMETRES_PER_SECOND = Unit("as mm/s", 1e-3, "m/s: multiply by 0.001")
 CENTIMETRES_PER_SECOND = Unit("as cm/s", 1e-2, "m/s: multiply by 0.01")
 CLOCKWISE = Unit("with the other sign", -1.0, "counter-clockwise: multiply by -1")
+DEGREES_CLOCKWISE = Unit(
+    "as degrees with the other sign", -math.pi / 180.0, "radians, counter-clockwise: multiply by -pi/180"
+)
 BACKWARDS = Unit("with the other sign", -1.0, "forwards: multiply by -1")
 
 STANDARD_GRAVITY = 9.80665  # [m/s^2]

@@ -34,7 +34,7 @@ _LEAST_NOISE = 1e-3  # [m]
 SpatialPlace = tuple[float, float, float]
 SpatialPlaces = Annotated[
     tuple[SpatialPlace | None, ...],
-    Condition(bool, "one beacon or more"),
+    Condition(len, "one beacon or more"),
     Each(Condition(lambda place: place is None or all(map(math.isfinite, place)), "three finite numbers, or None")),
 ]
 
@@ -59,6 +59,8 @@ class FlightBeacons:
     bearing_noise: NonNegative = 0.02  # [rad] standard deviation of an azimuth and of an elevation
 
     def __post_init__(self) -> None:
+        places = (None if place is None else tuple(map(float, place)) for place in self.places)
+        object.__setattr__(self, "places", tuple(places))  # of NumPy's numbers, which are given too
         known = [place for place in self.places if place is not None]
         if len(set(known)) < len(known):
             raise MissionError(f"beacons: places = {self.places!r} holds one place twice; allowed: different places")

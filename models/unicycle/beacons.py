@@ -34,7 +34,7 @@ LEAST_NOISE = 1e-4  # [m, rad] least noise that an estimator assumes of a readin
 Place = tuple[float, float]
 Places = Annotated[
     tuple[Place | None, ...],
-    Condition(bool, "one beacon or more, each two numbers, a place in the plane, or None"),
+    Condition(len, "one beacon or more, each two numbers, a place in the plane, or None"),
     Each(Condition(lambda place: place is None or all(map(math.isfinite, place)), "finite places, None if not known")),
 ]
 
@@ -79,6 +79,8 @@ class BeaconMission(UnicycleMotion):
     period: Positive = TICK  # [s] of odometry and estimator
 
     def __post_init__(self) -> None:
+        places = (None if place is None else tuple(map(float, place)) for place in self.beacons)
+        object.__setattr__(self, "beacons", tuple(places))  # of NumPy's numbers, which are given too
         if all(quality is None for quality in self.qualities):
             raise MissionError(f"the robot reads nothing of its beacons; allowed: {RANGES}, {BEARINGS}, {DIFFERENCES}")
         known = [place for place in self.beacons if place is not None]

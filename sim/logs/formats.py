@@ -9,6 +9,7 @@ from mathnavi.interfaces.errors import LogError
 from mathnavi.interfaces.fields import configured
 from mathnavi.sim.logs.recorded_log import RecordedLog
 from mathnavi.sim.plugin.registry import PluginSpec, load, loadable, names, of_stranger
+from mathnavi.sim.records.run_folder import CONFIG
 
 KIND = "logs"  # of plug-ins
 
@@ -24,6 +25,8 @@ def format_of(path: Path) -> Any:
         with of_stranger(plugin, f"logs: {plugin.__name__}.accepts({str(path)!r})"):
             if plugin.accepts(path):
                 return plugin
+    if path.is_dir() and (path / CONFIG).is_file():
+        raise LogError(f"{path} is the folder of a run; allowed: a log, from which such a folder is imported")
     raise LogError(f"{path} is of no format that is known; allowed with format=NAME: {', '.join(names(KIND))}")
 
 

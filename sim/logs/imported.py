@@ -219,7 +219,10 @@ def sensor_log_of(folder: Path) -> SensorLog:
     fields = log.config.get("fields", {})
     start = Decimal(str(fields.get("start", "0"))) if log.config.get("scenario") == LOG_SCENARIO else Decimal(0)
     inputs = log.u if log.u.shape[1] else None
-    return SensorLog(log.t, readings, inputs, str(folder), start)
+    columns = {
+        name: names for signals in read_signal_names(folder).values() for name, names in signals.readings.items()
+    }
+    return SensorLog(log.t, readings, inputs, str(folder), start, columns=columns)
 
 
 def with_estimates(folder: Path, found: EstimateHistory, estimator: Mapping[str, Any], mission: Any) -> ImportedLog:

@@ -99,7 +99,7 @@ class RecordedLog:
         Raises LogError for a channel or a signal that does not exist, and for values that are not whole numbers.
         """
         own = self[channel]
-        ((_, k),) = self._places(f"{channel}{SEPARATOR}{by}")
+        _, k = self._place(f"{channel}{SEPARATOR}{by}")
         keys = self._whole(channel, k)
         columns = [j for j in range(len(own.signals)) if j != k]
         signals = tuple(own.signals[j] for j in columns)
@@ -122,14 +122,14 @@ class RecordedLog:
         Raises LogError for signals that do not exist or are of two channels, for values that are not whole numbers, and
         for a channel that exists already.
         """
-        ((channel, k),), ((other, of),) = self._places(signal), self._places(by)
+        (channel, k), (other, of) = self._place(signal), self._place(by)
         own = self.channels[channel]
         name, unit = name_and_unit(own.signals[k])
         called = name_and_unit(own.signals[of])[0]
         if channel != other:
             raise LogError(f"{self.source}: {signal!r} is of {channel!r} and {by!r} of {other!r}; allowed: one channel")
         if name in self.channels:
-            raise LogError(f"{self.source}: there is a channel {name!r} already; allowed: another signal")
+            raise LogError(f"{self.source}: there is a channel {name!r} already; allowed: another signal, once")
         keys = self._whole(channel, of)
         columns = {key: j for j, key in enumerate(np.unique(keys).tolist())}
         stamps: list[float] = []
@@ -241,7 +241,11 @@ class RecordedLog:
             found[name] = rows
         acting = None if held is None else held[1][np.searchsorted(held[0], t, side="right") - 1]
         unlike = tuple(dict.fromkeys(notes))  # sensors that share a channel say the same
-        return SensorLog(t, found, acting, self.source, self.start, unlike, quaternions)
+        columns = {
+            name: tuple(self.channels[channel].signals[k] for channel, k in self.places(signals))
+            for name, signals in readings.items()
+        }
+        return SensorLog(t, found, acting, self.source, self.start, unlike, quaternions, columns)
 
     def _part(
         self, sensor: str, wanted: str | Sequence[str], units: Mapping[tuple[str, int], float], disorder: Disorder,
@@ -314,6 +318,14 @@ class RecordedLog:
             several = ", ".join(f"{each}{SEPARATOR}{name}" for each, _ in places)
             raise LogError(f"{self.source}: several signals are called {name!r}; allowed: {several}")
         return places
+
+    def _place(self, name: str) -> tuple[str, int]:
+        """Channel and column of the one signal that is meant by a name."""
+        places = self._places(name)
+        if len(places) > 1:
+            signals = ", ".join(f"{channel}{SEPARATOR}{self.channels[channel].signals[k]}" for channel, k in places)
+            raise LogError(f"{self.source}: {name!r} is a channel of {len(places)} signals; allowed: one, {signals}")
+        return places[0]
 
     def places(self, wanted: str | Sequence[str]) -> list[tuple[str, int]]:
         """Channel and column of each signal that is meant by names; LogError for one that does not exist."""

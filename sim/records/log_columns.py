@@ -34,6 +34,7 @@ _ENDING = re.compile(rf".*[^A-Za-z]({'|'.join(sorted(_ENDINGS, key=len, reverse=
 _TIME_ENDING = re.compile(r".*[^A-Za-z](ms|msec|us|usec|ns|nsec)|.*(?:Ms|Us|Ns)")
 _TIME_FACTORS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
 _TIME_SYMBOL = re.compile(r"([mnuµμ]?s|[mun]?sec|seconds?)")
+_TIMES = re.compile(r"time|stamp|(?<![A-Za-z])t(?![A-Za-z])|sec", re.IGNORECASE)
 _LOOKED_THROUGH = 40  # lines for the names of the columns
 
 
@@ -111,7 +112,7 @@ def read_log_columns(
 def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableFormat) -> list[int]:
     """Return the places of columns by their names, whole or without their units."""
     short = bare(head.names)
-    places = []
+    places: list[int] = []
     for name in wanted:
         found = [k for k, each in enumerate(head.names) if each == name]
         found = found or [k for k, each in enumerate(short) if each == name]
@@ -119,9 +120,16 @@ def _places(path: Path, head: TableHead, wanted: Sequence[str], form: TableForma
             how, advice = f"there are {len(found)} columns", "; names=[...] and skiprows= give them others"
             if not found:
                 how, advice = "there is no column", _advice(path, head, wanted, name, form)
+                if not advice and not places:
+                    advice = f"; time={_like_a_time(short)} names the one of the times"
             raise LogError(f"{path}: {how} {name!r}; it has {', '.join(head.names)}{advice}")
         places += found
     return places
+
+
+def _like_a_time(names: Sequence[str]) -> str:
+    """Return the name of a column that may hold times, quoted, or NAME."""
+    return next((repr(name) for name in names if _TIMES.search(name)), "NAME")
 
 
 def _advice(path: Path, head: TableHead, wanted: Sequence[str], name: str, form: TableFormat) -> str:

@@ -28,6 +28,7 @@ from mathnavi.interfaces.reading_counts import Unused, unused_in, unused_text
 from mathnavi.interfaces.short_tables import html_table, short_table, vector_text
 from mathnavi.interfaces.signal_names import figure_names
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.beacon_names import SENSORS
 from mathnavi.sim.plugin.registry import (
     LOGGED,
     PluginSpec,
@@ -65,6 +66,8 @@ class SensorLog:
     notes: tuple[str, ...] = ()
     """conversions and omissions when a file was read, a sentence each"""
     quaternions: QuaternionOrder = "wxyz"
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """names (m,) of the columns of a sensor in its file, for messages; none if they are not known"""
 
     def __post_init__(self) -> None:
         check_quaternion_order(self.quaternions)
@@ -129,15 +132,16 @@ class SensorLog:
         form = TableFormat(sep, decimal, thousands, encoding, comment, skiprows, named, tuple(na_values))
         wanted = [*(name for each in readings.values() for name in each), *inputs]
         found = read_log_columns(Path(path), time, wanted, time_unit, units or {}, form)
-        parts, first = {}, 0
+        parts, columns, first = {}, {}, 0
         for name, each in readings.items():
-            parts[name], first = found.values[:, first : first + len(each)], first + len(each)
+            place = slice(first, first + len(each))
+            parts[name], columns[name], first = found.values[:, place], found.names[place], place.stop
         given = found.values[:, first:] if inputs else None
         if given is not None and (places := np.argwhere(~np.isfinite(given))).size:
             row, column = places[0]
             where = f"{path} line {found.lines[row]}, column {found.names[first + column]!r}: {given[row, column]}"
             raise LogError(f"{where}; allowed: finite inputs")
-        return SensorLog(found.t, parts, given, str(path), found.start, found.notes, quaternions)
+        return SensorLog(found.t, parts, given, str(path), found.start, found.notes, quaternions, columns)
 
     def _rows(self, values: ArrayLike, name: str, count: int) -> Array:
         rows = _array(values, f"{self.source}: {name}", 2)
@@ -250,7 +254,7 @@ def estimate(
     if len(log.t) > 1:
         _check_period(log, float(estimator.period), name)
     from_each = np.vstack([commands[1:], commands[-1:]])
-    check = misread(mission, Recording(log.t, readings, from_each, log.quaternions))
+    check = misread(mission, Recording(log.t, readings, from_each, log.quaternions, log.columns))
     if not trust_units and (said := finished(check)):
         raise LogError(f"{log.source}: {said}; trust_units=True takes them as they are")
     if past is not None:
@@ -350,7 +354,8 @@ def _check_readings(log: SensorLog, sensor: Sensor, method: str) -> None:
         )
     values = log.readings[sensor.name]
     if values.shape[1] != sensor.size:
-        raise LogError(f"{log.source}: {sensor.name} has {values.shape[1]} columns; allowed: {sensor.size}")
+        beacons = ", as many as the beacons of the mission have" if sensor.name in SENSORS.values() else ""
+        raise LogError(f"{log.source}: {sensor.name} has {values.shape[1]} columns; allowed: {sensor.size}{beacons}")
     if getattr(sensor, "partial", False):
         return
     missing = np.isnan(values).all(axis=1)

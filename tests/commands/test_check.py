@@ -313,3 +313,28 @@ def test_what_is_not_there_is_one_line(
     assert main(["check", subject]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "yard.py",
+            "yard.py is a file of Python code; allowed: `mathnavi check yard.py:CLASS` for the class of a plug-in",
+        ),
+        ("yard.py", "`mathnavi check ESTIMATOR --mission yard.py:mission` for a mission"),
+        ("yard.py:mission", "yard:mission is a BeaconMission, no class of a plug-in"),
+        ("yard.csv", "yard.csv is no model; allowed: an MJCF file, .xml, or a plug-in"),
+    ],
+)
+def test_a_file_of_another_kind_is_named_with_the_command_that_takes_it(
+    words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    code = "import mathnavi as mn\nmission = mn.BeaconMission(((0.0, 1.0),), ranges=mn.BeaconQuality(0.3))\n"
+    (tmp_path / "yard.py").write_text(code)
+    (tmp_path / "yard.csv").write_text("t,x\n0,1\n")
+    monkeypatch.delitem(sys.modules, "yard", raising=False)
+    assert main(["check", words]) == 2
+    assert said in capsys.readouterr().err

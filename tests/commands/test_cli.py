@@ -299,7 +299,7 @@ def test_what_there_is_no_number_for_is_a_dash(capsys: pytest.CaptureFixture[str
     assert "nan" not in shown
 
 
-def test_a_run_that_replaces_another_in_a_folder_nobody_named_says_so(
+def test_a_run_that_replaces_another_says_so(
     mission: Words, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -309,8 +309,9 @@ def test_a_run_that_replaces_another_in_a_folder_nobody_named_says_so(
     (folder / "video.mp4").write_bytes(b"of the first run")
     assert main(["run", *mission]) == 0
     assert capsys.readouterr().err == f"replaced the run in {folder}, and removed its video.mp4\n"
-    assert main(["run", *mission]) == 0
-    assert capsys.readouterr().err == f"replaced the run in {folder}\n"
+    for named in ((), ("--out", str(folder))):
+        assert main(["run", *mission, *named]) == 0
+        assert capsys.readouterr().err == f"replaced the run in {folder}\n"
 
 
 def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytest.CaptureFixture[str]) -> None:

@@ -94,6 +94,135 @@ def test_a_log_becomes_a_run_that_is_estimated_smoothed_reported_and_compared(
     assert main(["compare", "found", "smoothed", "--out", "compared.html"]) == 0
 
 
+TABLE = "\n".join(["stamp,r0,r1,r2,r3,v,w", *(f"{0.2 * k:.1f},20,30,40,30,0,0" for k in range(60)), ""])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "log import still.csv --out x",
+            "no column 't'; it has stamp, r0, r1, r2, r3, v, w; --time stamp names the one",
+        ),
+        ("log import still.csv --time stamp --out x --spread", "--spread without a value"),
+        (
+            "log import still.csv --time stamp --out x --rates r0 r0",
+            "the rate of table:r0 is taken twice; allowed: once",
+        ),
+        (
+            "log import still.csv --time stamp --out x --spread table=r0",
+            "'table' is a channel of 6 signals; allowed: one",
+        ),
+        (
+            "log import still.csv --time stamp --out x --spread r0=w table:r0=w",
+            "channel 'r0' already; allowed: another",
+        ),
+        ("log import run --out x", "run is the folder of a run; allowed: a log"),
+        ("log show run", "run is the folder of a run; allowed: a log"),
+        ("estimate beacon_bank run", "--mission is missing; allowed: FILE.py:NAME"),
+        ("estimate beacon_bank none --mission mower.py:mission", "none does not exist; allowed: a log"),
+        (
+            "estimate beacon_bank still.csv --mission mower.py:mission --readings odometry=v,w",
+            "--time stamp names the one",
+        ),
+        (
+            "estimate beacon_bank still.csv --mission mower.py:mission --time stamp --readings odometry=v,w "
+            "beacon_ranges=r0,r1",
+            "beacon_ranges has 2 columns; allowed: 4, as many as the beacons of the mission have",
+        ),
+    ],
+)
+def test_what_is_missing_twice_or_of_another_kind_is_one_line(
+    mower: Path, words: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (mower / "still.csv").write_text(TABLE)
+    assert main(["log", "import", "still.csv", "--time", "stamp", "--out", "run"]) == 0
+    assert main(words.split()) == 2
+    assert said in capsys.readouterr().err.replace("\n", " ")
+    assert not (mower / "x").exists()
+
+
+def test_the_run_in_the_current_folder_is_estimated_next_to_it(mower: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (mower / "still.csv").write_text(TABLE)
+    words = ("--time", "stamp", "--readings", "beacon_ranges=r0,r1,r2,r3", "odometry=v,w", "--out", "run")
+    assert main(["log", "import", "still.csv", *words]) == 0
+    monkeypatch.chdir(mower / "run")
+    assert main(["estimate", "beacon_bank", ".", "--mission", f"{mower}/mower.py:mission"]) in (0, 1)
+    assert (mower / "run-beacon_bank" / "summary.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("column", "code", "said"),
+    [
+        ("", 0, ""),
+        ("nan", 0, ""),
+        ("inf", 0, "not finite"),
+        ("-20", 0, "out of range"),
+        ("0", 0, "out of range"),
+        ("lost", 2, "column 'r2': 'lost'; allowed: a number"),
+    ],
+)
+def test_a_beacon_that_is_never_read_right_is_left_out_and_the_others_are_used(
+    mower: Path, column: str, code: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = drive(count=200).log
+    ranges, odometry = log.readings["beacon_ranges"], log.readings["odometry"]
+    rows = [
+        [f"{t:.3f}", *("" if np.isnan(each) else f"{each:.4f}" for each in (*ranges[k], *odometry[k]))]
+        for k, t in enumerate(log.t.tolist())
+    ]
+    for row in rows:
+        row[3] = column if row[3] else ""
+    Path("log.csv").write_text("\n".join(["t,r0,r1,r2,r3,v,w", *(",".join(row) for row in rows), ""]))
+    words = ("--mission", "mower.py:mission", "--readings", "beacon_ranges=r0,r1,r2,r3", "odometry=v,w")
+    assert main(["estimate", "beacon_bank", "log.csv", *words]) == code
+    printed, error = capsys.readouterr()
+    assert said in printed + error
+    assert "beacon_ranges: beacon 0 is 'r0', beacon 1 is 'r1', beacon 2 is 'r2', beacon 3 is 'r3'" in error or code
+
+
+def test_places_of_numpy_are_plain_numbers_in_a_mission_and_its_messages() -> None:
+    ranges, places = mn.BeaconQuality(0.3), np.array([(0.0, 1.0), (2.0, 3.0)])
+    for given in (places, places.tolist(), tuple(map(tuple, places)), [*places]):
+        made = mn.BeaconMission(given, ranges=ranges)  # type: ignore[arg-type]
+        assert made == mn.BeaconMission(((0.0, 1.0), (2.0, 3.0)), ranges=ranges)
+        assert "float64" not in repr(made)
+    with pytest.raises(mn.MissionError, match=r"beacons = \(\(0\.0, 1\.0\), None\) with beacon_certified"):
+        mn.estimate(
+            "beacon_certified",
+            mn.BeaconMission((places[0], None), ranges=ranges),
+            mn.SensorLog([0.0], {}),  # type: ignore[arg-type]
+        )
+    flown = mn.FlightBeacons(np.array([(0.0, 1.0, 2.0), (3.0, 4.0, 5.0)]))  # type: ignore[arg-type]
+    assert flown.places == ((0.0, 1.0, 2.0), (3.0, 4.0, 5.0))
+
+
+def test_what_replaces_an_earlier_run_says_so_and_leaves_no_report_of_it(
+    mower: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = "\n".join(["t,r0,r1,r2,r3,v,w", *(f"{0.2 * k:.1f},20,30,40,30,0,0" for k in range(60)), ""])
+    (mower / "still.csv").write_text(table)
+    mission = ("--mission", "mower.py:mission")
+    readings = ("--readings", "beacon_ranges=r0,r1,r2,r3", "odometry=v,w")
+    commands = {
+        "run": (["log", "import", "still.csv", *readings], (0,)),
+        "found": (["estimate", "beacon_bank", "run", *mission], (0, 1)),
+        "table": (["estimate", "beacon_bank", "still.csv", *mission, *readings], (0, 1)),
+    }
+    for out, (words, codes) in commands.items():
+        assert main([*words, "--out", out]) in codes
+        assert "replaced" not in capsys.readouterr().err
+    for out, (words, codes) in commands.items():
+        (mower / out / "report.html").write_text("of the first")
+        (mower / out / "notes.txt").write_text("of the user")
+        assert main([*words, "--out", out]) in codes
+        what = "estimates" if out == "table" else "run"
+        gone = "" if out == "table" else ", and removed its report.html"
+        assert f"replaced the {what} in {out}{gone}\n" in capsys.readouterr().err
+        assert (mower / out / "report.html").exists() is (out == "table")
+        assert (mower / out / "notes.txt").read_text() == "of the user"
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

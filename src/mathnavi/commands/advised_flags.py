@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shlex
 
-_ADVISED = "disorder|sep|decimal|thousands|encoding|comment|skiprows|names|time_unit|units|trust_units|format"
+_ADVISED = "disorder|sep|decimal|thousands|encoding|comment|skiprows|names|time|time_unit|units|trust_units|format"
 _ARGUMENT = re.compile(rf"\b({_ADVISED})=(\{{.*?\}}|\[.*?\]|'.*?'|\w+)")
 
 

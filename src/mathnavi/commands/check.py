@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,7 @@ from mathnavi.commands.command_line import prepare
 from mathnavi.commands.errors import BadInputError, bad_input
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.field_table import Positional, ValueName
+from mathnavi.interfaces.reading.files import MEBIBYTE, read_text
 from mathnavi.sim.plugin.registry import names
 
 DESCRIPTION = (
@@ -55,11 +57,32 @@ def _checked(subject: str, mission: str) -> CheckResult:
         from mathnavi.commands.check_plugin import check_plugin
 
         return check_plugin(subject, mission)
+    if not colon and subject.endswith(".py") and Path(subject).is_file():
+        raise BadInputError(f"{subject} is a file of Python code; {_allowed_of(Path(subject))}")
     if mission:
         raise BadInputError(f"--mission with {subject}; allowed: with an estimator, MODULE:Class or FILE.py:Class")
     from mathnavi.commands.check_model import check_model
 
     return check_model(subject)
+
+
+def _allowed_of(file: Path) -> str:
+    """Return what a file of Python code allows, by the classes and the other names that it defines."""
+    try:
+        body = ast.parse(read_text(file, ValueError, MEBIBYTE)).body
+    except (SyntaxError, ValueError):
+        body = []
+    classes = [node.name for node in body if isinstance(node, ast.ClassDef)]
+    named = [each.id for node in body for each in _names_in(node)]
+    name = "mission" if "mission" in named else next(iter(named), "NAME")
+    of_class = f"`mathnavi check {file}:{classes[0] if classes else 'CLASS'}` for the class of a plug-in"
+    of_mission = f"`mathnavi check ESTIMATOR --mission {file}:{name}` for a mission"
+    return f"allowed: {of_class}, {of_mission}"
+
+
+def _names_in(node: ast.stmt) -> list[ast.Name]:
+    """Return the names to which a statement assigns."""
+    return [each for each in node.targets if isinstance(each, ast.Name)] if isinstance(node, ast.Assign) else []
 
 
 def _print(result: CheckResult) -> None:

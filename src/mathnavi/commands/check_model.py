@@ -77,6 +77,8 @@ def _compiled(path: Path, result: CheckResult) -> mujoco.MjModel | None:
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         what = " ".join(str(error).split()).removeprefix(f"{path}: ")
         unread = re.fullmatch(r"MuJoCo cannot read it \((.*?) ?\)", what)
+        if unread is not None and "could not find decoder" in unread[1]:
+            raise FieldError(f"{path} is no model; allowed: an MJCF file, .xml, or a plug-in, MODULE:Class") from None
         if isinstance(error, FieldError) and unread is None:
             result.refused(what)
         else:

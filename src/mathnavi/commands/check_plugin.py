@@ -93,6 +93,12 @@ def _loaded(place: str, result: CheckResult) -> tuple[str, Any]:
     named = [kind for kind in WORDS if place in names(kind)]
     with bad_plugin():
         plugin = load(named[0], place) if named else class_at("plug-ins", place)
+    if not (isinstance(plugin, type) or hasattr(plugin, "Config")):
+        what = with_article(type(plugin).__name__)
+        raise BadInputError(
+            f"{place} is {what}, no class of a plug-in; allowed: MODULE:Class, or `mathnavi check ESTIMATOR --mission "
+            f"{place}` for a mission"
+        )
     kind = named[0] if named else _kind_of(plugin)
     try:
         check_class(kind, plugin, place)

@@ -21,11 +21,12 @@ from mathnavi.commands.arguments import FlagGroup, given, parse
 from mathnavi.commands.command_line import CommandLine, prepare
 from mathnavi.commands.deadline import WallDeadline, watched
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin
-from mathnavi.commands.estimate_log import estimate_log
+from mathnavi.commands.estimate_log import beside, estimate_log
 from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import note_environment
 from mathnavi.commands.recorded_spec import RecordedSpec
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.run import build, fly
 from mathnavi.commands.summary import print_timing, verdict
 from mathnavi.commands.wrapping import wrapped
@@ -34,9 +35,10 @@ from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
 from mathnavi.interfaces.signal_names import difference
 from mathnavi.interfaces.signals import Array
+from mathnavi.sim.logs.imported import is_imported
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.trust import trusting
-from mathnavi.sim.records.run_folder import SOMETIMES, RunLog, read_log
+from mathnavi.sim.records.run_folder import RunLog, read_log
 from mathnavi.sim.records.run_spec import RunSpec
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 from mathnavi.sim.scenarios.declared_signals import true_values
@@ -73,14 +75,16 @@ def main(argv: Sequence[str]) -> int:
         return 0
     estimator, folder, words = _places(argv)
     prepare()
-    if folder.is_file() or "--mission" in given(words):
+    with bad_input():
+        of_log = folder.is_file() or "--mission" in given(words) or is_imported(folder)
+    if of_log:
         return estimate_log(estimator, folder, words)
     with bad_input():
         log = read_log(folder)
     with trusting("--trust" in given(words)):
         recorded = RecordedSpec.read(folder, argv)
     line = _command_line(estimator, recorded, words)
-    out = line.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
+    out = line.options.out or beside(folder, estimator)
     with bad_input():
         check_spares(out, [folder], "--out")
     errors = Console(stderr=True, markup=False, emoji=False)
@@ -90,7 +94,7 @@ def main(argv: Sequence[str]) -> int:
         with line.failures("a run"):
             result = fly(playback, progress, lambda: _playback(line, recorded, log, estimator))
         result.write_files(claim.new)
-        claim.install(dropped=SOMETIMES)
+        install_run(claim, out, errors)
     console = Console(markup=False, emoji=False)
     console.print(f"{estimator} over {folder}: {verdict(result, 'estimator')}", style="bold", highlight=False)
     console.print(_comparison(line.spec, estimator, recorded.spec, log, result))

@@ -21,6 +21,7 @@ from mathnavi.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.commands.deadline import WallDeadline
 from mathnavi.commands.errors import BadInputError, bad_input, bad_plugin, print_note, worded
 from mathnavi.commands.output import output_folder, run_folder
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.summary import summary_table
 from mathnavi.estimators.stagewise.recorded_smoother import SmootherConfig, Smoothing
 from mathnavi.interfaces.bounds import configuration
@@ -31,11 +32,13 @@ from mathnavi.interfaces.fields import instance, plain
 from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.reading.table_format import TableFormat, names_in
 from mathnavi.interfaces.writing import write_together
+from mathnavi.models.beacon_names import BEARINGS, DIFFERENCES, RANGES
+from mathnavi.models.unicycle.beacons import BeaconMission
 from mathnavi.sim.logs.imported import sensor_log_of, with_estimates
 from mathnavi.sim.plugin.named_object import named_object
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.files import npz_bytes
-from mathnavi.sim.records.run_folder import SOMETIMES, read_record, write_run_files
+from mathnavi.sim.records.run_folder import read_record, write_run_files
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog, estimate
 
 ARRAYS, TABLE = "estimates.npz", "estimates.csv"
@@ -71,6 +74,8 @@ class EstimateLogOptions:
 
 def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
     """Run the estimator called ``name`` over the log in a file or a folder, and return the exit code."""
+    if not path.exists():
+        raise BadInputError(f"{path} does not exist; allowed: a log in a text file, or the folder of a run")
     plugin, default = _estimator(name, path)
     groups = (
         FlagGroup(EstimateLogOptions),
@@ -84,7 +89,7 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
         raise BadInputError("--readings is missing; allowed: SENSOR=COLUMNS...")
     if is_folder and options.readings:
         raise BadInputError(f"--readings with {path}; allowed: of a file, for the readings of a folder have names")
-    out = options.out or path.with_name(f"{path.name if is_folder else path.stem}-{name.replace(':', '.')}")
+    out = options.out or beside(path, name)
     files = [out / ARRAYS, out / TABLE]
     known = [flag for group in groups for flag in group.section.flags]
     with bad_input():
@@ -99,23 +104,41 @@ def estimate_log(name: str, path: Path, words: Sequence[str]) -> int:
     with run_folder(out) if is_folder else output_folder(out) as claim:
         try:
             log = sensor_log_of(path) if is_folder else _log(path, options, form)
-            for note in log.notes:
+            for note in (*log.notes, *beacon_columns(log, mission)):
                 print_note(errors, f"{path}: {note}")
             found = estimate(PluginSpec(plugin, fields), mission, log, trust_units=options.trust_units)
         except (ValueError, OSError) as error:
             raise BadInputError(as_flags(with_flag(worded(error), known))) from error
         if claim is None:
+            replaced = any(file.exists() for file in files)
             write_together(dict(zip(files, _contents(found, log), strict=True)))
+            if replaced:
+                print_note(errors, f"replaced the estimates in {out}")
         else:
             record = {"name": name, "fields": plain(fields), "mission": options.mission}
             made = with_estimates(path, found, record, mission)
             write_run_files(claim.new, made.config, made.summary, made.recording)
-            claim.install(dropped=SOMETIMES)
+            install_run(claim, out, errors)
     print(found)
     if claim is not None:
         Console(markup=False, emoji=False, highlight=False).print(summary_table(made.summary, ()))
     print(f"{'estimates' if claim is None else 'run     '}  {out}")
     return 0 if found.ok.any() else 1
+
+
+def beside(path: Path, name: str) -> Path:
+    """Return the folder of the estimates of the estimator ``name``, next to a log or the folder of a run."""
+    place = path if path.name not in ("", "..") else path.resolve()
+    return place.with_name(f"{place.name if place.is_dir() else place.stem}-{name.replace(':', '.')}")
+
+
+def beacon_columns(log: SensorLog, mission: Any) -> list[str]:
+    """Return, for each sensor of beacons, which column of the log is which of the beacons that messages number."""
+    return [
+        f"{name}: {', '.join(f'beacon {i} is {column!r}' for i, column in enumerate(columns))}"
+        for name, columns in log.columns.items()
+        if name in (RANGES, DIFFERENCES) or (name == BEARINGS and isinstance(mission, BeaconMission))
+    ]
 
 
 def _estimator(name: str, path: Path) -> tuple[Any, Any]:

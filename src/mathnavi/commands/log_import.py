@@ -10,10 +10,11 @@ from typing import Annotated, Any
 from rich.console import Console
 
 from mathnavi.commands.advised_flags import as_flags
-from mathnavi.commands.arguments import FlagGroup, parse
+from mathnavi.commands.arguments import FlagGroup, given, parse
 from mathnavi.commands.errors import BadInputError, bad_input, worded
 from mathnavi.commands.estimate_log import pairs
 from mathnavi.commands.output import run_folder
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.summary import summary_table
 from mathnavi.interfaces.bounds import configuration
 from mathnavi.interfaces.checks import check_spares
@@ -25,7 +26,7 @@ from mathnavi.sim.logs.formats import read
 from mathnavi.sim.logs.imported import Selection, imported
 from mathnavi.sim.logs.recorded_log import Disorder, RecordedLog
 from mathnavi.sim.plugin.registry import PluginSpec
-from mathnavi.sim.records.run_folder import SOMETIMES, write_run_files
+from mathnavi.sim.records.run_folder import write_run_files
 
 _MOST_BYTES, _CHUNK = 1 << 40, 1 << 20  # of a log, and of what is read of it at once
 
@@ -62,11 +63,18 @@ class LogImportOptions:
     given"""
 
 
+_LISTS = ("readings", "signal_units", "spread", "rates", "delays")
+
+
 def import_log(words: Sequence[str], plugin: Any) -> int:
     """Write the folder of a run from the log that the words name, in the format of a plug-in; return the exit code."""
     groups = FlagGroup(LogImportOptions), FlagGroup(plugin.Config, default=plugin.Config())
     purpose = "Write the folder of a run from a log: its readings, inputs, reference, and where it is from."
     options, config = parse(words, "mathnavi log import", purpose, *groups)
+    for name in _LISTS:
+        flag = f"--{name.replace('_', '-')}"
+        if flag in given(words) and not getattr(options, name):
+            raise BadInputError(f"{flag} without a value; allowed: one or more, or not this flag")
     with bad_input():
         check_spares(options.out, [options.file], "--out")
     try:
@@ -80,7 +88,7 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
         raise BadInputError(as_flags(worded(error)).replace("--units", "--signal-units")) from error
     with run_folder(options.out) as claim:
         write_run_files(claim.new, made.config, made.summary, made.recording)
-        claim.install(dropped=SOMETIMES)
+        install_run(claim, options.out, Console(stderr=True, markup=False, emoji=False))
     console = Console(markup=False, emoji=False, highlight=False)
     console.print(f"{log.source}: {log.format}", style="bold", soft_wrap=True)
     console.print(summary_table(made.summary, made.recording.events))
@@ -92,7 +100,14 @@ def import_log(words: Sequence[str], plugin: Any) -> int:
 
 def _changed(log: RecordedLog, options: LogImportOptions) -> RecordedLog:
     """The log with the channels that the flags make of it."""
+    divided: set[tuple[str, int]] = set()
     for name in options.rates:
+        places = log.places(name)
+        if twice := divided.intersection(places):
+            channel, k = min(twice)
+            signal = f"{channel}:{log.channels[channel].signals[k]}"
+            raise BadInputError(f"--rates = {name}: the rate of {signal} is taken twice; allowed: once")
+        divided |= set(places)
         log = log.rates(name)
     for channel, seconds in pairs("--delays", options.delays).items():
         try:

@@ -13,12 +13,13 @@ from rich.console import Console
 from mathnavi.commands.arguments import given, value_of
 from mathnavi.commands.command_line import CommandLine, prepare, read_command_line
 from mathnavi.commands.deadline import WallDeadline, watched
-from mathnavi.commands.errors import BadInputError, bad_input, print_error, print_note, worded
+from mathnavi.commands.errors import BadInputError, bad_input, print_error, worded
 from mathnavi.commands.interruption import when_interrupted
 from mathnavi.commands.output import run_folder
 from mathnavi.commands.progress import flight_progress
 from mathnavi.commands.provenance import changed_inputs, note_environment
 from mathnavi.commands.recorded_spec import RecordedSpec
+from mathnavi.commands.replacing import install_run
 from mathnavi.commands.served_address import Port, address_of, check_address
 from mathnavi.commands.summary import print_timing, summary_table, verdict
 from mathnavi.interfaces.bounds import configuration
@@ -30,7 +31,7 @@ from mathnavi.sim.engine.answer_times import Latency
 from mathnavi.sim.engine.compilation import compile_ahead
 from mathnavi.sim.plugin.trust import trusting, within_record
 from mathnavi.sim.records.figure_names import PLANNER_STATUS
-from mathnavi.sim.records.run_folder import SOMETIMES, NothingToDrawError
+from mathnavi.sim.records.run_folder import NothingToDrawError
 from mathnavi.sim.records.timing import LatencyName, read_delays
 
 if TYPE_CHECKING:
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from mathnavi.sim.engine.loop import Loop
     from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunData
 
-_PICTURES = (".mp4", ".webm", ".gif", ".webp", ".png", ".jpg", ".jpeg")  # endings of what draws a run
 UNPLANNED = 3  # exit status of a run that succeeded without its planner
 
 
@@ -132,14 +132,9 @@ def _run(
                     result = fly(closed_loop, progress, lambda: build(line, recorded), latency=latency)
                 else:
                     result = follow.fly(closed_loop, lambda loop, watch: fly(loop, progress, watch=watch))
-        replaced = line.options.out is None and (folder / "summary.json").exists()
         result.write_files(claim.new)
-        removed = _stale(folder, claim.new)
-        claim.install(dropped=(*removed, *SOMETIMES))
+        install_run(claim, folder, errors, flown=True)
         when_interrupted(lambda: f"the run is in {folder}, its pictures may not be; to begin again")
-        if replaced:  # perhaps unintended: the user did not name the folder
-            gone = f", and removed its {', '.join(removed)}" if removed else ""
-            print_note(errors, f"replaced the run in {folder}{gone}")
         console = Console(markup=False, emoji=False)
         console.print(f"{line.spec.scenario}, seed {line.spec.seed}: {verdict(result)}", style="bold", highlight=False)
         console.print(summary_table(result.summary, result.recording.events))
@@ -207,28 +202,6 @@ def fly(
         if flying:
             raise  # the loop checks its rates before it starts; whatever comes later is a defect
         raise BadInputError(str(error)) from error
-
-
-def _stale(folder: Path, new: Path) -> list[str]:
-    """Return the names of an earlier run's pictures and reports in a folder, which must not stay with a new run."""
-    pictures = {file.name for file in folder.glob("*") if file.suffix in (*_PICTURES, ".html")}
-    if not pictures:
-        return []  # what draws takes a while to import
-    stale = _drawn(folder)
-    with trusting():  # its drawing is the one of the scenario that has been flown
-        stale |= _drawn(new)
-    return sorted(stale & pictures)
-
-
-def _drawn(folder: Path) -> set[str]:
-    """Return the names of the pictures and reports of a run like the one in a folder, if its drawing is known."""
-    from mathnavi.renders.drawing import drawing_of
-
-    try:
-        cameras = drawing_of(folder).cameras
-    except (OSError, ValueError):
-        cameras = ()
-    return {"report.html", *(f"{name}{ending}" for name in ("video", *cameras) for ending in _PICTURES)}
 
 
 def _draw(options: RunOptions, folder: Path, errors: Console) -> bool:

@@ -397,7 +397,7 @@ class GuardedFlight(Guarded):
         self._variance = axis_model(config, mission).gust_rms ** 2
         looks = _HORIZON / (_EACH * mission.gust.time_constant)
         self._largest = float(chdtri(3, _FALSE_ALARM / looks))
-        self._doubted, self._doubt = -math.inf, ""  # [s] last time when an alarm had no explanation, and why
+        self._remembered, self._doubt = -math.inf, ""  # [s] last time when an alarm had no explanation, and why
 
     @property
     def _tests(self) -> BeaconWitness:
@@ -415,12 +415,12 @@ class GuardedFlight(Guarded):
         spare = numbers > _NO_SPARE
         self._alarm = self._alarm or float(extra["integrity"][0]) > 1.0 or (not spare and self._tests.leap > 1.0)
         if self._state is Status.LOST:
-            self._doubted, self._doubt = t, "disagreed with its readings, and no beacon at fault explains that"
+            self._remembered, self._doubt = t, "disagreed with its readings, and no beacon at fault explains that"
         elif self._gust > self._largest:
-            self._doubted, self._doubt = t, "finds a gust that is larger than declared"
+            self._remembered, self._doubt = t, "finds a gust that is larger than declared"
         if estimate.status is not Status.OK:
             return estimate
-        message = self._doubt if t - self._doubted < LATCHED - TIME_TOLERANCE else ""
+        message = self._doubt if t - self._remembered < LATCHED - TIME_TOLERANCE else ""
         if self._alarm and not spare:
             message = "disagreed with a beacon, and has none to spare that would tell which"
         self._alarm = self._alarm and not spare

@@ -27,6 +27,7 @@ import numpy as np
 from mathnavi.estimators.beacons.flight_geometry import beacons_of_rows, mirrored, plane_of
 from mathnavi.estimators.beacons.flight_kernels import FIX, condition_flights, flight_separations, predict_flights
 from mathnavi.estimators.beacons.flight_side import Side
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.signals import Array, Integers
 from mathnavi.models.aerial.beacon_readings import AZIMUTH, BeaconRows
 from mathnavi.models.aerial.beacons import slant_ranges
@@ -69,11 +70,12 @@ class FlightSeparation:
         self._x[:, :9], self._P[:, :9, :9] = x, P
         self._lost[:], self._sequence[:] = False, 0
 
-    def begin_again(self, x: Array, those: Array | None = None) -> None:
+    def begin_again(self, x: Array, those: Flags | None = None) -> None:
         """Begin ``those`` (N,), or all, at a state x (9,) of which they know nothing."""
         chosen = np.ones(len(self._x), dtype=np.bool_) if those is None else those
-        self._x[chosen, :9], self._P[chosen, :9, :9] = x, self._unknown
-        self._P[np.ix_(chosen, range(3), range(3))] *= self._linear(x) ** 2
+        unknown = self._unknown.copy()
+        unknown[:3, :3] *= self._linear(x) ** 2
+        self._x[chosen, :9], self._P[chosen, :9, :9] = x, unknown
         self._lost[chosen], self._sequence[chosen] = True, 0
 
     def predict(self, F: Array, B: Array, Q: Array) -> None:

@@ -26,8 +26,6 @@ class Witness(Protocol):
     windows: Windows
     names: tuple[str, ...]
     """names (l,) of the channels, in messages"""
-    levels: tuple[str, ...]
-    """names (k,) of the numbers of the protection level, "name [unit]" """
     rebuilt: frozenset[int]
     """channels that an estimator leaves out if it is built for that: their readings are given to it all the same"""
     strict: bool
@@ -40,6 +38,10 @@ class Witness(Protocol):
 
         ``before`` and ``after`` are the estimates before and after it, the latter with a covariance.
         """
+
+    @property
+    def levels(self) -> tuple[str, ...]:
+        """Names (k,) of the numbers of the protection level, "name [unit]"."""
 
     @property
     def protection(self) -> Array:

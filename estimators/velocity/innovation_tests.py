@@ -199,8 +199,9 @@ def note(
     """Take a reading; write e (n,), the means z (2, n) with their ``variance``, ``shown`` (n,) and ``factor`` (n,).
 
     The reading has ``moved`` (n,) the position, if it was used; ``rate`` (n,) are velocities, of which those of joint j
-    begin at ``starts[j]``; ``read`` (n,) says which coordinates are readings, and tested; ``speed`` is the greatest so far and ``resting`` that of a system at rest. Returns the
-    greatest speed and the largest error that is shown [rad/s, m/s], the worst ratio, its test and channel.
+    begin at ``starts[j]``; ``read`` (n,) says which coordinates are readings, and tested; ``speed`` is the greatest so
+    far and ``resting`` that of a system at rest. Returns the greatest speed and the largest error that is shown
+    [rad/s, m/s], the worst ratio, its test and channel.
     """
     n, least = len(L), _NOTHING * speed
     speed = max(speed * math.exp(-h / _SPEED_MEMORY), resting)

@@ -33,7 +33,7 @@ from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, UNUSED_READINGS, U
 from mathnavi.sim.records.log_arrays import SAMPLED
 from mathnavi.sim.records.plan_record import plan_record
 from mathnavi.sim.records.reference_figures import reference_figures, usable_figures
-from mathnavi.sim.records.run_folder import read_log, read_signal_names
+from mathnavi.sim.records.run_folder import read_log, read_record, read_signal_names
 from mathnavi.sim.records.sensor_log import EstimateHistory, SensorLog
 
 VEHICLE = "vehicle"
@@ -205,6 +205,12 @@ def _first_doubled(t: Array) -> int:
     again = np.ones(len(t), dtype=bool)
     again[firsts] = False
     return int(np.argmax(again))
+
+
+def is_imported(folder: Path) -> bool:
+    """True for the folder of a run that was imported from a log."""
+    config, _, _ = read_record(folder)
+    return bool(config.get("scenario") == LOG_SCENARIO)
 
 
 def sensor_log_of(folder: Path) -> SensorLog:

@@ -61,7 +61,7 @@ class Flight:
     @property
     def among_beacons(self) -> bool:
         """Whether ranges are read, and no fixes."""
-        return self.readings.shape[1] == len(PLACES)
+        return len(self.readings[0]) == len(PLACES)
 
 
 Fault = Callable[[Flight, slice, np.random.Generator], None]
@@ -76,7 +76,8 @@ def _off(flight: Flight, rng: np.random.Generator) -> Array:
     """The numbers (m,) that are off, by one in length: of a beacon, or of a fix in any direction."""
     m = flight.readings.shape[1]
     if flight.among_beacons:
-        return np.eye(m)[int(rng.integers(m))]
+        one: Array = np.eye(m)[int(rng.integers(m))]
+        return one
     direction = rng.standard_normal(m)
     return np.asarray(direction / np.linalg.norm(direction), np.float64)
 

@@ -233,17 +233,17 @@ class Integrity:
                 f"{beacon_integrity.NOISE:g} m, the fault from {beacon_integrity.ONSET:g} to "
                 f"{beacon_integrity.END:g} s. Flights of {flight_integrity.DURATION:g} s under gusts of "
                 f"{flight_integrity.GUSTS.rms:g} m/s^2 read fixes of {flight_integrity.FIX_NOISE:g} m, or ranges of "
-                f"{flight_integrity.RANGE_NOISE:g} m to {len(flight_integrity.PLACES)} beacons, ten times a second, the "
-                f"fault from {flight_integrity.ONSET:g} to {flight_integrity.END:g} s; by fixes alone there is no "
+                f"{flight_integrity.RANGE_NOISE:g} m to {len(flight_integrity.PLACES)} beacons, ten times a second, "
+                f"the fault from {flight_integrity.ONSET:g} to {flight_integrity.END:g} s; by fixes alone there is no "
                 f"protection level. The first {min(config.alone, config.seeds)} runs of each are also made without "
                 "the monitor.",
             ),
             rows=rows,
-            tables=(
+            tables=[
                 each
                 for where in places
                 for each in tables([cell for cell in cells if _part(cell.estimator)[0] == where], where)
-            ),
+            ],
             figure=figure(cells),
             caption="Each dot is an estimator under a fault: (a) share of the time from the fault on in which it is "
             "sure and wrong, or beyond its protection level before the fault can be found, with its monitor (blue), "

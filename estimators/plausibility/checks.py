@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.plausibility import base_imu, beacons, imu_alone, inertial, positions
+from mathnavi.estimators.plausibility import base_imu, beacons, flights, imu_alone, inertial, positions
 from mathnavi.estimators.plausibility import odometry as odometry_check
 from mathnavi.estimators.plausibility.motion import RecordedMotion
 from mathnavi.interfaces.joint_states import QuaternionOrder
 from mathnavi.interfaces.signals import Array, Estimate, Status
+from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.inertial_mission import InertialMission
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission
 from mathnavi.models.mechanism.floating_base import FEET, IMU, JOINT_POSITIONS, JOINTS
@@ -71,6 +72,12 @@ def _(mission: QuadrotorMission, recording: Recording) -> Check:
     imu, fixes = recording.readings["imu"], recording.readings["position"]
     said = yield from inertial.misread(mission, recording.t, imu, fixes)
     return said
+
+
+@misread.register
+def _(mission: FlightMission, recording: Recording) -> Check:
+    yield from ()
+    return flights.misread(mission, recording.t, recording.readings)
 
 
 @misread.register

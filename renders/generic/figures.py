@@ -91,6 +91,8 @@ def _draw_charts(figure: FigureBase, charts: Sequence[Chart], duration: float) -
             axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=MOST_NAMED, borderaxespad=0.1)
         before = names
         axes.set_ylabel(_label(chart))
+        if chart.title == LEFT_OUT_TITLE:
+            axes.set_yticks([])  # the heights of its lines are no numbers
         if (limits := _within(chart.series)) is not None:
             axes.set_ylim(*limits)
     panels[-1].set(xlabel="time [s]", xlim=(0.0, duration))

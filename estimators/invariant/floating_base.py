@@ -19,7 +19,8 @@ accelerometer's along the vertical, and along the horizontal axes once the base 
 vertical shows at rest alone.
 
 Another plug-in estimates the joints' velocities; it gets the estimated pose of the base as if it had been read, which
-it does not test.
+it does not test. Forces of the ground on feet are in no model: while what the encoders read contradicts an observer
+with one, ``filtered_differences`` of what they read take its place, which run beside it.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ class FloatingBaseIekfConfig:
     """Fields of ``--estimator``."""
 
     joints: JointObserverName = "riemannian_observer"
-    """plug-in that estimates the velocities of the joints"""
+    """plug-in that estimates the velocities of the joints, while encoders do not contradict it"""
     start_attitude: Positive = 0.02
     """standard deviation of the base's initial attitude, about each axis [rad]"""
     start_velocity: Positive = 0.05
@@ -133,10 +134,16 @@ class FloatingBaseIekf:
         self._rest = Rest(noise, float(np.linalg.norm(self._base.gravity))) if at_rest else None
         self._joints = x[JOINT_POSITIONS.start : nq].copy()
         self._observer: PositionObserver | None = None
+        self._differences: PositionObserver | None = None  # in its place
         if self._base.has_joints:
             plugin = _OBSERVERS[config.joints]
             self._observer = plugin.build(plugin.Config(timeout=config.timeout), mission)
-            self._observer.ignore(slice(JOINT_RATES.start))  # the base is estimated, not read
+            if plugin is not FilteredDifferences:
+                own = FilteredDifferences.Config(timeout=config.timeout)
+                self._differences = FilteredDifferences.build(own, mission)
+            for each in (self._observer, self._differences):
+                if each is not None:
+                    each.ignore(slice(JOINT_RATES.start))  # the base is estimated, not read
         self._counts = ReadingCounts() if self._observer is None else self._observer.counts
         self._joint_rates = np.zeros(self._base.model.nv - JOINT_RATES.start)
         self._stood = np.zeros(len(self._base.feet), dtype=bool)
@@ -198,11 +205,15 @@ class FloatingBaseIekf:
         status, extra, message = self._base_status(t), dict(self._counts.extra), ""
         if self._observer is not None:
             within = self._observer.update(t, joints, command)
+            extra = dict(within.extra)
+            if self._differences is not None:
+                plain = self._differences.update(t, joints, command)
+                if plain.status is Status.OK and within.status is not Status.OK:
+                    within, extra = plain, extra | {name: plain.extra[name] for name in ("deviation", "integrity")}
             nq = self._base.model.nq
             self._joints, self._joint_rates = within.x[:nq][JOINT_POSITIONS], within.x[nq:][JOINT_RATES]
             message = waiting(status, "IMU readings") or within.message
             status = worst(status, within.status)
-            extra = dict(within.extra)
         deviation = self._deviation()
         if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
             status = worst(status, Status.LOST)

@@ -65,6 +65,17 @@ def test_place_and_heading_drift_and_the_estimate_says_so() -> None:
     assert (last[SPEED] < first[SPEED]).all()
 
 
+def test_where_the_ground_pushes_at_its_feet_differences_take_the_place_of_an_observer_with_a_model() -> None:
+    given = {"mechanism": "quadruped", "duration": 2.0, "settled": 0.25}
+    run = trial("arm-velocity", 1, controller="input_signal", estimator="floating_base_iekf", fields=given).flown()
+    estimates, truth = run.recording.agents["mechanism"].estimates, run.recording.truths["mechanism"]
+    x = truth[np.searchsorted(run.recording.t, [each.t - 1e-9 for each in estimates])]
+    assert np.mean([each.status is Status.OK for each in estimates]) > 0.99
+    error = np.array([each.x for each in estimates])[:, -8:] - x[:, -8:]
+    deviations = np.array([each.extra["deviation"] for each in estimates])[:, -8:]
+    assert (np.abs(error) > 3.0 * deviations).mean() < 0.1
+
+
 def test_a_base_that_falls_has_no_foot_to_stand_on() -> None:
     start = np.zeros(29)
     start[2], start[3] = 0.9, 1.0

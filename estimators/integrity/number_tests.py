@@ -83,7 +83,7 @@ class NumberTests:
 
     @property
     def protection(self) -> Array:
-        """That of the last estimate."""
+        """Protection level of the last estimate."""
         return self._level
 
     def stuck(self) -> list[int]:

@@ -153,7 +153,7 @@ def _windows(at: Array, least: float) -> tuple[Integers, Integers]:
 
 
 def _lengths(sensor: _Sensor, path: _Path, mission: BeaconMission) -> str:
-    """What is said of ranges or range differences."""
+    """Message about ranges or range differences, or none."""
     low, high = _factors(sensor, mission.places, mission.speed_max)
     changes = {i: _changes(sensor, path, i) for i in sensor.read}
     changes = {i: each for i, each in changes.items() if len(each)}
@@ -182,7 +182,7 @@ def _lengths(sensor: _Sensor, path: _Path, mission: BeaconMission) -> str:
 
 
 def _of_speed(sensor: _Sensor, path: _Path) -> str:
-    """What is said of odometry where ranges change too little, on paths that are nearly straight too."""
+    """Message about odometry where ranges change too little, on paths that are nearly straight too."""
     straight = np.concatenate([_changes(sensor, path, i, _STRAIGHT) for i in sensor.read])
     if len(straight) < _FEWEST or _share(straight) >= _TOO_SLOW:
         return ""
@@ -195,7 +195,7 @@ def _of_speed(sensor: _Sensor, path: _Path) -> str:
 
 
 def _of_all_lengths(sensor: _Sensor, path: _Path, places: Array, low: float, high: float) -> str:
-    """What is said of readings and odometry in the same unit, where the places are in metres."""
+    """Message about readings and odometry in one unit, where the places are in metres."""
     apart = np.ptp(places[np.isfinite(places).all(axis=1)], axis=0).max() > _APART * sensor.sigma
     for unit, speed in zip(_LENGTHS, _SPEEDS, strict=True):
         scaled = replace(sensor, y=unit.factor * sensor.y), replace(path, s=unit.factor * path.s)
@@ -280,7 +280,7 @@ def _is_within(factor: float, low: float, high: float) -> bool:
 
 
 def _of_places(sensor: _Sensor, mission: BeaconMission, low: float, high: float) -> str:
-    """What is said where readings agree with odometry and contradict the places."""
+    """Message where readings agree with odometry and contradict the places."""
     places = mission.places
     if low > _CONTRADICTED:
         exact = next((each for each in _LENGTHS if low <= 1.0 / each.factor <= high), None)
@@ -303,7 +303,7 @@ _BEARINGS = (DEGREES, CLOCKWISE, DEGREES_CLOCKWISE)
 
 
 def _bearings(sensor: _Sensor, path: _Path) -> str:
-    """What is said of bearings."""
+    """Message about bearings, or none."""
     off = [i for i in sensor.read if _median(_errors(sensor, path, [i])) > _OFF]
     right = any(_median(_errors(sensor, path, [i])) < _AGREES for i in sensor.read)
     if not off:

@@ -56,7 +56,7 @@ def misread(mission: FlightMission, t: Array, readings: Mapping[str, Array]) -> 
 
 
 def _of_fixes(start: Array, y: Array) -> str:
-    """What is wrong with a fix y (3,) at the start (3,) [m]."""
+    """Message about a fix y (3,) at the start (3,) [m], or none."""
     scale = _norm(start)
     if not np.isfinite(y).all() or scale == 0.0 or _norm(y - start) < _CONTRADICTED * scale:
         return ""
@@ -71,7 +71,7 @@ def _norm(vector: Array) -> float:
 def _of_beacons(
     beacons: FlightBeacons, start: Array, mission: FlightMission, t: Array, readings: Mapping[str, Array]
 ) -> str:
-    """What is wrong with the readings of beacons at known places."""
+    """Message about the readings of beacons at known places, or none."""
     places = beacons.array
     ranges = slant_ranges(places, start)[0]
     known = np.isfinite(ranges)

@@ -34,7 +34,7 @@ _PLACES = (("estimate.beacons", 2), ("estimate.beacon_places", 3))  # arrays of 
 
 @dataclass(frozen=True, eq=False)
 class LogPlan:
-    """What is seen from above of a log."""
+    """A log as seen from above."""
 
     t: Array  # (n,) [s]
     reference: Array  # (n, 2) [m]; (n, 0) without

@@ -184,7 +184,7 @@ class IntegrityConfig:
 
 
 def _part(estimator: str) -> tuple[str, Iterable[str], Callable[[Watched], Outcome]]:
-    """Where an estimator is tried, for titles, its faults, and the job of a run."""
+    """Words for where an estimator is tried, its faults, and the job of a run."""
     if estimator == beacon_integrity.ESTIMATOR:
         return ", a robot among beacons", beacon_integrity.FAULTS, beacon_integrity.watched
     if estimator in flight_integrity.ESTIMATORS:

@@ -1,4 +1,4 @@
-"""Run in place of an earlier one in its folder: pictures and reports of that one go, and it is said."""
+"""Run in place of an earlier one in its folder: the earlier pictures and reports are removed, and a line says so."""
 
 from __future__ import annotations
 

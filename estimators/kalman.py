@@ -67,6 +67,7 @@ class Kalman:
         self._R = self._model.fix_std**2  # [m^2]
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._monitor = InnovationMonitor("fixes", _AXES, 1.0 / mission.position_rate)
+        self._noisy = mission.position_noise > 0.0
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
 
@@ -199,6 +200,8 @@ class Kalman:
             self._counts.add(Unused.NOT_FINITE)
             return
         self._monitor.note(fix.t, difference, variance * _EYE, self._R * _EYE)
+        if self._noisy:
+            self._monitor.note_value(fix.t, fix.value)
         fits = self._since_gap.fits(np.array([normalised / _AXES]), self._timeout_monitor.converged)
         if normalised > _OUTLIER:
             self._outliers += 1

@@ -87,6 +87,7 @@ class MovingHorizonEstimator:
         self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
         self._errors: ReadingErrors | None = getattr(model, "reading_errors", None)  # of positions
+        self._noisy = isinstance(mission, FlightMission) and mission.position_noise > 0.0
         self._monitor: InnovationMonitor | None = None  # a robot that reads ranges has one for each of them
         if isinstance(mission, MissileMission | FlightMission):
             what = "fixes" if isinstance(mission, FlightMission) else "readings"
@@ -228,6 +229,8 @@ class MovingHorizonEstimator:
                 self._errors.expect(y, predicted.x[: len(y)])
             if self._monitor is not None and len(predicted.r) == self._model.rows:
                 self._monitor.note(stage.t, predicted.r, predicted.S, np.eye(len(predicted.r)))
+                if self._noisy:
+                    self._monitor.note_value(stage.t, y)
 
     def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Count the readings that are not used."""

@@ -6,6 +6,7 @@ refuses. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
     OK -> DEGRADED      at an alarm; for 20 s with readings, since its cause is unknown, and innovations are quiet again
                         once the estimate has settled at a wrong place
     -> LOST             after four readings in a row that are each off by more than chance allows, one in 1e9
+    -> DEGRADED         likewise, while a sensor with noise reads the same six times and more
     LOST -> DEGRADED    after 5 s with readings and without an alarm
 
 Innovations also say how much larger they are than declared, and sooner than an alarm: the covariance of the estimate is
@@ -31,6 +32,7 @@ LATCHED = 20.0
 _FOUND = 5.0  # [s] likewise, until it is no longer lost
 _GAP = 2.1  # intervals between two readings, of which one is missing, with some jitter
 _CHANCE, _IN_A_ROW = 1e-9, 4
+_STUCK = 5  # repetitions of a reading: seldom even where it is rounded to three and a half of its deviations
 _WORDS = {MEAN: "their mean", ENERGY: "their spread"}
 
 
@@ -50,6 +52,7 @@ class InnovationMonitor:
         """readings in a row that are off by more than chance allows"""
         self._alarmed = self._lost = -math.inf  # [s] last time, later by the gaps since
         self._interval, self._t = interval, -math.inf  # [s] between readings; [s] of the newest
+        self._y, self._repeats = np.full(components, np.nan), 0
         self.inflation = 1.0
         """factor >= 1 of the covariance of the estimate"""
         self.ratio = 0.0
@@ -70,8 +73,11 @@ class InnovationMonitor:
             self._lost = self._alarmed = t
             self.message = "is not finite, or its covariance is none"
             return
+        far = float(white @ white) > self._outlier
+        if self.in_a_row >= _IN_A_ROW and not far:  # what was read while it was lost says nothing of where it is now
+            self._windows.clear()
         self._windows.add(nu / np.sqrt(S.diagonal()), white)
-        self.in_a_row = self.in_a_row + 1 if float(white @ white) > self._outlier else 0
+        self.in_a_row = self.in_a_row + 1 if far else 0
         worst = self._windows.worst(self._every)
         self.ratio = worst.ratio
         if self.in_a_row >= _IN_A_ROW:
@@ -86,6 +92,14 @@ class InnovationMonitor:
             windows.sums, windows.k, joint, self.thresholds.lengths, windows.kappa, *self._chances, by_motion, own
         )
         self.inflation = max(found, self.inflation) if t - self._alarmed < LATCHED else found
+
+    def note_value(self, t: float, y: Array) -> None:
+        """Test a reading y (m,) of t [s], of a sensor with noise: it does not read the same again and again."""
+        self._repeats = self._repeats + 1 if np.array_equal(y, self._y) else 0
+        self._y = y.copy()
+        if self._repeats >= _STUCK:
+            self._alarmed = t
+            self.message = f"has read the same {self._what} {self._repeats + 1} times"
 
     def note_state(self, t: float, square: float, what: str) -> None:
         """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with

@@ -233,6 +233,8 @@ class InertialIekf:
         d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
         self._monitor.note(reading.t, nu, self._H @ self._strapdown.P @ self._H.T + self._R, self._R)
+        if self._mission.flight.position_noise > 0.0:
+            self._monitor.note_value(reading.t, reading.value)
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)
             return np.full(2, np.nan)

@@ -190,7 +190,7 @@ class FlightBeaconFilter:
         good = np.flatnonzero(np.isfinite(value))
         if not len(good):
             return
-        self._beside.condition(value, beacons=beacons)
+        self._beside.condition(value, beacons=beacons, common=common)
         if beacons and self._is_lost():
             self._find(t, value, good[(self._rows.kinds[good] != DIFFERENCE) | (common < UNTRUSTED)])
             return

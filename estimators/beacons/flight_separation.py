@@ -48,7 +48,7 @@ class FlightSeparation:
         without fixes; a flight of which nothing is known has a speed [m/s] and gusts [m/s^2] of these deviations.
         """
         n, axes = len(rows.places), 0 if fix_variance is None else _AXES
-        self._rows, self._gate, self._common = rows, gate, rows.common
+        self._rows, self._gate = rows, gate
         order = np.argsort(rows.kinds, kind="stable")  # differences last
         self._order = order
         self._kinds = np.append(np.full(axes, FIX), rows.kinds[order]).astype(np.int64)
@@ -82,15 +82,17 @@ class FlightSeparation:
         """Predict all by F (3, 3) and Q (3, 3) of an axis and the effect B (9,) of the input."""
         predict_flights(self._x, self._P, F, B, Q)
 
-    def condition(self, y: Array, *, beacons: bool) -> None:
-        """Condition on the numbers of an instant: y (m,) of beacons, or a fix (3,)."""
+    def condition(self, y: Array, *, beacons: bool, common: float = 0.0) -> None:
+        """Condition on the numbers of an instant: y (m,) of beacons, or a fix (3,); ``common`` [m^2] is the variance of
+        the arrival from beacon 0.
+        """
         numbers = np.full(len(self._kinds), np.nan)
         if beacons:
             numbers[self._axes :] = np.where(np.isfinite(y), y, np.nan)[self._order]
         else:
             numbers[: self._axes] = y
         condition_flights(
-            self._x, self._P, numbers, self._kinds, self._beacons, self._rows.places, self._variance, self._common,
+            self._x, self._P, numbers, self._kinds, self._beacons, self._rows.places, self._variance, common,
             self._gate, self._without, self._refused,
         )  # fmt: skip
         read = np.isfinite(self._refused)

@@ -67,7 +67,7 @@ def test_the_filter_without_a_sensor_is_that_of_the_others_alone() -> None:
     def conditioned(y: Array, fix: Array | None) -> Array:
         beside = FlightSeparation(rows, 1e9, 4.0, 100.0, 1.0)
         beside.begin(x, P)
-        beside.condition(y, beacons=True)
+        beside.condition(y, beacons=True, common=rows.common)
         if fix is not None:
             beside.condition(fix, beacons=False)
         return beside._x[:, :9]
@@ -90,6 +90,14 @@ def test_the_level_holds_where_a_fault_is_too_small_to_be_found(
         deviations = np.array([np.linalg.eigvalsh(each.covariance[:3, :3])[-1] for each in run.estimates])  # type: ignore[index]
         assert (np.linalg.norm(run.error, axis=1) <= level[:, 0]).all()
         assert np.median(level[:, 0]) < 12.0 * np.sqrt(np.median(deviations))
+
+
+def test_without_beacon_0_the_differences_of_the_others_have_a_level() -> None:
+    run = flight(SIX, 0, 30.0, failing=(0, 8.0), read=("range-differences",))
+    level = np.array([each.extra["protection"] for each in run.estimates])
+    assert run.left_out[-1].tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert (np.linalg.norm(run.error, axis=1) <= level[:, 0]).all()
+    assert np.median(level[-300:, 0]) < 12.0
 
 
 def test_three_ranges_have_no_level_that_is_worth_much_and_no_start_is_a_fault() -> None:

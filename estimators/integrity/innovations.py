@@ -9,6 +9,8 @@ refuses. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
     -> DEGRADED         likewise, while a sensor with noise reads the same six times and more
     LOST -> DEGRADED    after 5 s with readings and without an alarm
 
+What the longest window has of an alarm of the shorter ones, 5 s after that, is no other alarm.
+
 Innovations also say how much larger they are than declared, and sooner than an alarm: the covariance of the estimate is
 larger by the factor of ``excess``, from the sums of w'w and the traces of S and R, and after an alarm by the greatest
 such factor since.
@@ -22,7 +24,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.excess import chances, factor_of
-from mathnavi.estimators.integrity.windows import ENERGY, MEAN, Thresholds, Windows
+from mathnavi.estimators.integrity.windows import ENERGY, MEAN, QUIET, Thresholds, Windows
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -51,6 +53,7 @@ class InnovationMonitor:
         self.in_a_row = 0
         """readings in a row that are off by more than chance allows"""
         self._alarmed = self._lost = -math.inf  # [s] last time, later by the gaps since
+        self._recent = -math.inf  # [s] last alarm of the shorter windows
         self._interval, self._t = interval, -math.inf  # [s] between readings; [s] of the newest
         self._y, self._repeats = np.full(components, np.nan), 0
         self.inflation = 1.0
@@ -79,6 +82,12 @@ class InnovationMonitor:
         self._windows.add(nu / np.sqrt(S.diagonal()), white)
         self.in_a_row = self.in_a_row + 1 if far else 0
         worst = self._windows.worst(self._every)
+        if worst.ratio > 1.0:
+            if self._windows.worst(self._every, shorter=True).ratio > 1.0:
+                self._recent = t
+            elif _FOUND < t - self._recent < LATCHED + _FOUND:  # it is the last alarm that the longest window has
+                self._windows.clear()
+                worst = QUIET
         self.ratio = worst.ratio
         if self.in_a_row >= _IN_A_ROW:
             self._lost = self._alarmed = t

@@ -129,10 +129,11 @@ class Windows:
         add(self.sums, self.k, e, white)
         self.k += 1
 
-    def worst(self, used: Flags) -> Worst:
-        """The worst test over the channels that are ``used`` (l,)."""
+    def worst(self, used: Flags, *, shorter: bool = False) -> Worst:
+        """The worst test over the channels that are ``used`` (l,), in all windows, or in the ``shorter`` ones."""
         known = self.thresholds
-        return Worst(*worst_of(self.sums, self.k, used, known.lengths, self.kappa, known.z, known.energy))
+        lengths = known.lengths[:-1] if shorter else known.lengths
+        return Worst(*worst_of(self.sums, self.k, used, lengths, self.kappa, known.z, known.energy))
 
     def of_channel(self, channel: int) -> float:
         """The largest ratio of a channel's own tests."""

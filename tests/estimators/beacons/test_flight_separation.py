@@ -127,6 +127,13 @@ def test_a_horizon_that_has_lost_its_flight_begins_at_the_next_fix() -> None:
     assert outcome.position == 0.0  # though after 20 s the estimate agrees with the fix that stays
 
 
+def test_what_the_longest_window_has_of_an_alarm_is_no_other_alarm() -> None:
+    for seed in (5000, 5001):
+        outcome = study.watched(Watched("moving_horizon, fixes", "readings 0.5 s late", seed, monitored=True))
+        assert outcome.judged == 0.0
+        assert outcome.recovered < 38.0
+
+
 def test_a_lost_flight_has_no_level() -> None:
     run = flight(FOUR[:2], 3, 60.0, config=KalmanConfig(position_std_max=5.0))
     lost = [each for each in run.estimates if each.status is Status.LOST]

@@ -10,10 +10,10 @@ but for what three deviations leave out. The largest of these over all i is the 
 [R. G. Brown, P. W. McBurney, Self-contained GPS integrity check using maximum solution separation, Navigation 35, 1988]
 
 It is infinite while the position without one of them is so uncertain that derivatives at it mean nothing: three ranges
-do not tell a place without one of them for long. A filter that is, or that refuses its readings, begins again at x_0
-with a covariance that says nothing of it, and has no level until that has become small. On which side of the plane of
-the others a flight is, is taken from all of them: three of four ranges fit the mirror image too. The level assumes
-gusts as they are declared.
+do not tell a place without one of them for long. A filter that is so uncertain, or refuses its readings, begins again
+at x_0 with a covariance that says nothing of it, and has no level until that has become small. The side of the plane of
+the others is taken from all of them, for three of four ranges fit the mirror image too. The level assumes gusts as they
+are declared.
 """
 
 from __future__ import annotations

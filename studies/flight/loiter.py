@@ -106,7 +106,7 @@ class Loiter:
                     "A.4 (Lim et al., RA-L 2024)", f"all of {config.goals} within {RADIUS:.3g} m by the deadline, none "
                     f"below {LOWEST:g} m",
                     f"goals found {found.text()}; below {LOWEST:g} m {below}; safe loiter positions {share:.1%} of the "
-                    f"places; {within:.0%} of the time within {HIGHEST:g} m of the ground, which no plan is asked for",
+                    f"places; {within:.0%} of the time within {HIGHEST:g} m of the ground, which no plan has to keep",
                     all(arrived) and below == 0,
                 ),
             ),
@@ -135,8 +135,8 @@ def safe_positions(
 def level(ground: HeightField, place: Array, radius: float) -> float:
     """Height [m] in the middle of those at which the circle about a safe place (2,) is."""
     angles = np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False)
-    heights = np.asarray(ground.height(place[0] + radius * np.cos(angles), place[1] + radius * np.sin(angles)))
-    return 0.5 * float(heights.max() + LOWEST + heights.min() + HIGHEST)
+    along = np.asarray(ground.height(place[0] + radius * np.cos(angles), place[1] + radius * np.sin(angles)))
+    return 0.5 * float(along.max() + LOWEST + along.min() + HIGHEST)
 
 
 def drawn(

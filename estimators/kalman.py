@@ -17,7 +17,8 @@ The filter watches the normalised innovations nu' S^-1 nu of its fixes, chi-squa
 gusts and noise are what the mission declares. A very unlikely fix is an outlier and is not used, unless many follow
 each other: then the filter is wrong. If the last fixes together are unlikely, the gusts or the noise are stronger than
 declared, or the fixes are not of their time: the estimate is DEGRADED, or LOST, and its covariance is that of the
-filter, scaled up accordingly (see ``integrity.innovations``).
+filter, scaled up accordingly (see ``integrity.innovations``). It stays DEGRADED while the fixes may be late
+(``flight_lateness``).
 
 Of a mission with beacons it reads ranges to them instead, or both (``beacons.flight``), and finds the places of those
 at unknown places (``beacons.flight_places``).
@@ -33,6 +34,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
+from mathnavi.estimators.flight_lateness import FixRows, Lateness
 from mathnavi.estimators.flight_model import OF_BEACONS, AxisModel, KalmanConfig, as_stated
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
@@ -40,7 +42,7 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
-from mathnavi.interfaces.signals import Array, Estimate, Measurement
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, PositionSensor
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -68,6 +70,7 @@ class Kalman:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._monitor = InnovationMonitor("fixes", _AXES, 1.0 / mission.position_rate)
         self._noisy = mission.position_noise > 0.0
+        self._lateness = Lateness(self._model, FixRows(self._R))
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
 
@@ -155,15 +158,22 @@ class Kalman:
                 self._counts.add(Unused.LATE)
             else:
                 self._predict(fix.t, command)
+                self._lateness.step(fix.t, command, fix.value)
                 self._condition(fix)
         self._predict(t, command)
-        integrity = self._monitor.status(t)
+        integrity, message = self._doubted(t, command)
         x, covariance = self._x, self._covariance()
         extra = {"gust": x[2].copy(), "integrity": np.array([self._monitor.ratio]), **self._counts.extra}
         status = worst(self._timeout_monitor.status(t, covariance), integrity)
-        return Estimate(
-            t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix") or self._monitor.message
-        )
+        return Estimate(t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix") or message)
+
+    def _doubted(self, t: float, command: Array) -> tuple[Status, str]:
+        """Status at t [s] as far as fixes agree, and are not late, and why."""
+        self._lateness.follow(t, command, None, lambda: self.moments, alarming=self._monitor.alarming)
+        status = self._monitor.status(t)
+        if status is Status.OK and self._lateness.tau > 0.0:
+            return Status.DEGRADED, self._lateness.message("fixes")
+        return status, self._monitor.message
 
     @property
     def moments(self) -> tuple[Array, Array]:

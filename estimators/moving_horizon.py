@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 import numpy as np
 from annotated_types import Interval
 
-from mathnavi.estimators.flight_model import KalmanConfig
+from mathnavi.estimators.flight_lateness import FixRows, Lateness
+from mathnavi.estimators.flight_model import AxisModel, KalmanConfig
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.kalman import Kalman
 from mathnavi.estimators.ranging.reader import RangeReader
@@ -89,6 +90,10 @@ class MovingHorizonEstimator:
         self._errors: ReadingErrors | None = getattr(model, "reading_errors", None)  # of positions
         self._noisy = isinstance(mission, FlightMission) and mission.position_noise > 0.0
         self._monitor: InnovationMonitor | None = None  # a robot that reads ranges has one for each of them
+        self._lateness: Lateness | None = None  # of a flight
+        if isinstance(mission, FlightMission):
+            axis = AxisModel.from_config(KalmanConfig(), mission)
+            self._lateness = Lateness(axis, FixRows(axis.fix_std**2))
         if isinstance(mission, MissileMission | FlightMission):
             what = "fixes" if isinstance(mission, FlightMission) else "readings"
             self._monitor = InnovationMonitor(what, model.rows, interval)
@@ -185,7 +190,7 @@ class MovingHorizonEstimator:
         try:
             for stage in self._builder.add(t, measurements, command):
                 horizon.add(stage)
-                self._test(stage)
+                self._test(stage, command)
                 agreed = bool(stage.readings) and horizon.started and not horizon.failure and horizon.agrees
                 if agreed:
                     fits = self._residuals.fits(np.square(horizon.residual), self._timeout_monitor.converged)
@@ -215,13 +220,18 @@ class MovingHorizonEstimator:
             status, extra["integrity"] = worst(status, self._monitor.status(t)), np.array([self._monitor.ratio])
             covariance = None if covariance is None else self._monitor.inflation * covariance
             message = message or self._monitor.message
+        if self._lateness is not None and self._monitor is not None:
+            state = (self._unknown, P) if horizon.started else None
+            self._lateness.follow(t, command, None, lambda: state, alarming=self._monitor.alarming)
+            if status is Status.OK and self._lateness.tau > 0.0:
+                status, message = Status.DEGRADED, self._lateness.message("fixes")
         estimate = Estimate(t, x, covariance, status, extra, message)
         if self._errors is not None:
             estimate = self._errors.doubted(estimate)
         return possible_or_lost(self._mission, estimate)
 
-    def _test(self, stage: SmootherStage) -> None:
-        """Test what was predicted for the readings of a stage."""
+    def _test(self, stage: SmootherStage, command: Array) -> None:
+        """Test what was predicted for the readings of a stage, to which ``command`` (nu,) led."""
         for y, predicted in zip(stage.readings, self._horizon.predicted, strict=False):
             if self._ranging is not None:
                 self._ranging.compare(self._horizon.x, self._horizon.P, y)
@@ -231,6 +241,8 @@ class MovingHorizonEstimator:
                 self._monitor.note(stage.t, predicted.r, predicted.S, np.eye(len(predicted.r)))
                 if self._noisy:
                     self._monitor.note_value(stage.t, y)
+                if self._lateness is not None:
+                    self._lateness.step(stage.t, command, y)
 
     def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Count the readings that are not used."""

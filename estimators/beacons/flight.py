@@ -48,6 +48,7 @@ from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, s
 from mathnavi.estimators.beacons.flight_separation import FlightSeparation
 from mathnavi.estimators.beacons.flight_side import Side
 from mathnavi.estimators.beacons.flight_witness import FIXES, UNREFERENCED, UNTRUSTED, BeaconWitness
+from mathnavi.estimators.flight_lateness import Lateness
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.integrity.innovations import LATCHED
@@ -381,9 +382,10 @@ class GuardedFlight(Guarded):
     at fault. There an alarm is remembered until there are readings to spare, more than three numbers, and a leap of the
     readings is one: nothing else tells of a fault that the filter follows.
 
-    An alarm that no beacon explains may be of all readings, such as those that are late, and the filter follows these
-    too: for 20 s the estimate is DEGRADED then, as one with a single sensor is (``integrity.innovations``). So it is
-    where the estimated gust is larger than declared: g' (s^2 I - P_gg)^-1 g is chi-squared while gusts are as declared.
+    An alarm that no beacon explains may be of all readings, and the filter follows these too: for 20 s the estimate is
+    DEGRADED then, as one with a single sensor is (``integrity.innovations``), and for as long as the readings may be
+    late (``flight_lateness``). So it is where the estimated gust is larger than declared: g' (s^2 I - P_gg)^-1 g is
+    chi-squared while gusts are as declared.
     """
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
@@ -394,7 +396,8 @@ class GuardedFlight(Guarded):
         self._alarm, self._timeout, self._fixed = False, config.timeout, -math.inf
         self._heard_at = np.full(rows.size, -math.inf)  # [s]
         self._fixes = config.fixes
-        self._variance = axis_model(config, mission).gust_rms ** 2
+        model = axis_model(config, mission)
+        self._variance, self._lateness = model.gust_rms**2, Lateness(model, self._tests.rows)
         looks = _HORIZON / (_EACH * mission.gust.time_constant)
         self._largest = float(chdtri(3, _FALSE_ALARM / looks))
         self._remembered, self._doubt = -math.inf, ""  # [s] last time when an alarm had no explanation, and why
@@ -418,6 +421,11 @@ class GuardedFlight(Guarded):
             self._remembered, self._doubt = t, "disagreed with its readings, and no beacon at fault explains that"
         elif self._gust > self._largest:
             self._remembered, self._doubt = t, "finds a gust that is larger than declared"
+        alarming = float(extra["integrity"][0]) > 1.0 or self._state is Status.LOST
+        y = self._tests.read(measurements, self.left_out)
+        self._lateness.follow(t, command, y, lambda: self._filter.moments, alarming=alarming)
+        if self._lateness.tau > 0.0:
+            self._remembered, self._doubt = t, self._lateness.message("readings")
         if estimate.status is not Status.OK:
             return estimate
         message = self._doubt if t - self._remembered < LATCHED - TIME_TOLERANCE else ""
@@ -427,11 +435,15 @@ class GuardedFlight(Guarded):
         return replace(estimate, status=Status.DEGRADED, message=message) if message else estimate
 
     @property
-    def _gust(self) -> float:
-        """g' (s^2 I - P_gg)^-1 g of the estimated gust, with eigenvalues of a share of s^2 at least."""
+    def _filter(self) -> FlightBeaconFilter:
         flight = self.estimator
         assert isinstance(flight, FlightBeaconFilter)
-        moments = flight.moments
+        return flight
+
+    @property
+    def _gust(self) -> float:
+        """g' (s^2 I - P_gg)^-1 g of the estimated gust, with eigenvalues of a share of s^2 at least."""
+        moments = self._filter.moments
         if moments is None:
             return 0.0
         x, P = moments

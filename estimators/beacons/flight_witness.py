@@ -44,7 +44,8 @@ class BeaconWitness(NumberTests):
 
     def __init__(self, beacons: FlightBeacons, mission: FlightMission, config: KalmanConfig) -> None:
         n = len(beacons.places)
-        self._rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
+        self.rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
+        """what is read of the beacons"""
         axes = tuple(f"fix {axis}" for axis in "xyz") if config.fixes else ()
         self.levels = ("protection, position [m]", "protection, velocity [m/s]")
         self.names = (*beacons.names(), *axes)
@@ -75,10 +76,10 @@ class BeaconWitness(NumberTests):
         relied = used[self._channel]
         expected, S = self._predicted(before, t, command)
         nu = y - expected
-        turned = np.flatnonzero(self._rows.kinds == AZIMUTH)
+        turned = np.flatnonzero(self.rows.kinds == AZIMUTH)
         nu[turned] = wrapped(nu[turned])
         e = np.where(read, nu / np.sqrt(S.diagonal()), np.nan)
-        shared = np.flatnonzero(self._rows.kinds == DIFFERENCE)
+        shared = np.flatnonzero(self.rows.kinds == DIFFERENCE)
         if len(shared):
             kept = shared[(read & relied)[shared]]
             S = self._test_arrival(e, nu, S, shared, kept, trusted=bool(used[0]))
@@ -109,7 +110,7 @@ class BeaconWitness(NumberTests):
         if trusted:
             return S
         spread = S.diagonal()[shared] - 2.0 * S[np.ix_(shared, kept)] @ weights + variance
-        least = self._rows.variance[shared] / len(kept)  # rounding
+        least = self.rows.variance[shared] / len(kept)  # rounding
         e[shared[1:]] = ((nu[shared] - arrival) / np.sqrt(np.maximum(spread, least)))[1:]
         S = S.copy()
         S[np.ix_(shared, shared)] += UNTRUSTED
@@ -119,12 +120,12 @@ class BeaconWitness(NumberTests):
         """Expected numbers (size,) at t [s] and their covariance (size, size)."""
         P = before.covariance
         assert P is not None
-        h, m = t - before.t, self._rows.size
+        h, m = t - before.t, self.rows.size
         p = before.x[:3] + h * before.x[3:] + 0.5 * h * h * (command + before.extra["gust"])
         C = P[:3, :3] + h * (P[:3, 3:] + P[3:, :3]) + h * h * P[3:, 3:] + 0.25 * h**4 * self._gust * np.eye(3)
         expected, H, R = np.empty(self._size), np.empty((self._size, 3)), self._R.copy()
         for k in range(m):
-            number, H[k], D = self._rows.at(k, p)
+            number, H[k], D = self.rows.at(k, p)
             mean, variance = curvature_effects(C, D)
             expected[k] = number + mean
             R[k, k] += variance
@@ -133,7 +134,7 @@ class BeaconWitness(NumberTests):
 
     def _newest(self, measurements: Sequence[Measurement]) -> tuple[Array, float]:
         """Newest readings (size,), NaN for none, and their time [s]: of the newest instant alone."""
-        places = {**self._rows.slices, FIXES: slice(self._rows.size, self._size)}
+        places = {**self.rows.slices, FIXES: slice(self.rows.size, self._size)}
         mine = [each for each in measurements if each.name in places]
         y = self._nothing.copy()
         t = max((each.t for each in mine), default=0.0)
@@ -143,17 +144,23 @@ class BeaconWitness(NumberTests):
                 y[own] = np.where(np.isfinite(each.value), each.value, np.nan)
         return y, t
 
+    def read(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Array | None:
+        """Newest readings (m,) of the beacons but those that are left ``out``, NaN for none; None if there are none."""
+        y = self._newest(measurements)[0][: self.rows.size].copy()
+        y[np.isin(self.rows.beacons, list(out))] = np.nan
+        return y if np.isfinite(y).any() else None
+
     def without(self, measurements: Sequence[Measurement], out: frozenset[int]) -> Sequence[Measurement]:
-        n = len(self._rows.places)
+        n = len(self.rows.places)
         beacons, fixed = [i for i in out if i < n], [i - n for i in out if i >= n]
         return tuple(self._without(each, beacons, fixed) for each in measurements)
 
     def _without(self, reading: Measurement, beacons: list[int], fixed: list[int]) -> Measurement:
-        n = len(self._rows.places)
+        n = len(self.rows.places)
         numbers = fixed if reading.name == FIXES else beacons
         if reading.name == BEARINGS:
             numbers = [*beacons, *(n + i for i in beacons)]
-        if not numbers or reading.name not in (FIXES, *self._rows.slices):
+        if not numbers or reading.name not in (FIXES, *self.rows.slices):
             return reading
         value = np.array(reading.value, np.float64)
         if value.shape[0] > max(numbers):

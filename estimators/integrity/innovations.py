@@ -61,13 +61,15 @@ class InnovationMonitor:
         self.ratio = 0.0
         """the worst statistic over its threshold"""
         self.message = ""
+        self.alarming = False
+        """whether the newest reading alarmed"""
 
     def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
         """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
         if t - self._t > _GAP * self._interval and self._t > -math.inf:  # nothing was tested meanwhile
             gap = t - self._t - self._interval
             self._alarmed, self._lost = self._alarmed + gap, self._lost + gap
-        self._t = t
+        self._t, self.alarming = t, True
         try:
             white = np.linalg.solve(np.linalg.cholesky(S), nu)
         except np.linalg.LinAlgError:  # S is no covariance
@@ -95,6 +97,8 @@ class InnovationMonitor:
         elif worst.ratio > 1.0:
             self._alarmed = t
             self.message = f"disagrees with its {self._what}: {_WORDS.get(worst.test, 'all together')}"
+        else:
+            self.alarming = False
         windows, joint, own = self._windows, (3 * self._m, 3 * self._m + 1), float(np.trace(R))
         by_motion = max(float(np.trace(S)) - own, 0.0)
         found = factor_of(

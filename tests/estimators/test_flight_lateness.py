@@ -22,8 +22,10 @@ from mathnavi.models.terrain.height_field import HeightField
 PERIOD, EVERY, SPEED, TURN = 1.0 / 30.0, 3, 25.0, 0.04  # [s], updates between readings, [m/s], [rad/s]
 LATE, BEGIN, END, DURATION = 0.5, 15.0, 60.0, 95.0  # [s]
 NOISE = 2.0  # [m]
-PLACES = ((0.0, 0.0, 50.0), (6000.0, 0.0, 900.0), (0.0, 6000.0, 300.0), (6000.0, 6000.0, 10.0))
-XX(6000.0, 0.0, 900.0), (0.0, 6000.0, 300.0), (6000.0, 6000.0, 10.0), (3000.0, 3000.0, 1200.0))
+PLACES = (
+    (0.0, 0.0, 50.0), (6000.0, 0.0, 900.0), (0.0, 6000.0, 300.0), (6000.0, 6000.0, 10.0), (3000.0, 3000.0, 1200.0),
+)  # fmt: skip
+"""[m]"""
 
 
 def mission_of(beacons: FlightBeacons | None = None) -> FlightMission:

@@ -20,12 +20,16 @@ fails none of these tests. Where tests fail that are strict about that, the last
 which they do not. Wheels that slip more than declared and several readings that are wrong look the same: for 5 s the
 word is DEGRADED, and an estimator that begins anew is run along (``rival``), as it is for one that is lost.
 
+Where nothing has explained an alarm, its cause may last, and what has found its state again may follow that: for 20 s
+the covariance of a pose by ranges is widened by what a fault of one ray may do.
+
 ``extra["protection"]`` is what the error of the estimate is within while a fault has not been found yet, if one channel
 is at fault (``pose_protection``).
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -49,6 +53,7 @@ _SETTLED = 2.0  # [s] without an alarm until the estimate is OK again, or for th
 _FOUND = 5.0  # [s] likewise, after it was lost
 _READMITTED, _LONGEST = 2.0, 30.0  # [s] for which a channel has to pass its tests, at first and at most
 _PATIENCE = 0.75  # [s] for which an alarm may stay without an explanation
+_WIDENED = 20.0  # [s] after it was lost for which its covariance covers what may have been the cause
 _RETRIED = 0.25  # [s] between two attempts to explain one
 _OLD = 1.5  # [s] before an alarm: a fault began later than that, as a rule
 _SUSPECTED, _UNSUSPECTED = 1.0, 30.0  # [s] between two searches for what strict tests suspect, at first and at most
@@ -129,6 +134,7 @@ class Guarded:
         self._settled, self._found, self._retried = map(self._updates, (_SETTLED, _FOUND, _RETRIED))
         self._between = self._updates(_SNAPSHOT)
         self._rivalry = Rivalry(rival, self._settled, self._retried)
+        self._lost_at, self._widened = -math.inf, self._updates(_WIDENED)  # the last update in which it was lost
         self._doubted = -self._found  # the last update in which a strict test failed
         self._passed = np.zeros(len(witness.names), dtype=np.int64)  # updates for which a channel has passed its tests
         self._wait = np.full(len(witness.names), self._updates(_READMITTED))
@@ -184,6 +190,8 @@ class Guarded:
                 self._doubted = self._k
         if self._search is not None:
             self._go_on()
+        if self._state is Status.LOST:
+            self._lost_at = self._k
         if self._in_doubt or self._astray or self._state is Status.LOST:
             self._compare(self._past[-1], self._doubted == self._k)
         else:
@@ -232,6 +240,8 @@ class Guarded:
             status, message = worst(status, Status.DEGRADED), message or _DOUBT
         if self._common is not None and P is not None:
             P = P + self._common
+        if P is not None and self._k - self._lost_at < self._widened:
+            P = self._now.witness.widened(P)
         return Estimate(estimate.t, estimate.x, P, status, extra, message)
 
     def _replace(self, replay: Replay, *, anew: bool) -> None:

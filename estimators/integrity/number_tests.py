@@ -86,6 +86,9 @@ class NumberTests:
         """Protection level of the last estimate."""
         return self._level
 
+    def widened(self, covariance: Array) -> Array:
+        return covariance  # who reads beacons has its own words for what nothing explains
+
     def stuck(self) -> list[int]:
         """Channels with a number that stays while what it should be moves."""
         if self._most < _REPEATS:

@@ -130,6 +130,14 @@ class PoseWitness:
         level, excess = self._level[4:] + self._map, self.windows.excess
         return level if excess == 1.0 else level + (math.sqrt(excess) - 1.0) * self._level[2:4]
 
+    def widened(self, covariance: Array) -> Array:
+        metres, radians = np.square(self.protection / DEVIATIONS).tolist()
+        if not math.isfinite(metres + radians):
+            return covariance
+        wide = covariance.copy()
+        wide[:3, :3] += np.diag([metres, metres, radians])
+        return wide
+
     def _found(self, before: Estimate) -> tuple[float, float]:
         """Deviation of ranges over the declared one, and slip [m^2/s], of an estimator that finds its noise itself.
 

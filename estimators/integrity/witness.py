@@ -47,6 +47,9 @@ class Witness(Protocol):
     def protection(self) -> Array:
         """Errors (k,) of the last estimate that no fault of one channel exceeds unfound; NaN if they are not known."""
 
+    def widened(self, covariance: Array) -> Array:
+        """A covariance of the last estimate that covers what a fault of one channel may do, as far as that is known."""
+
     @property
     def suspicious(self) -> bool:
         """True if a strict test of the last update has failed."""

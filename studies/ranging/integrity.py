@@ -55,6 +55,9 @@ WALL = Curve(
     )
 )
 """through (0, 0), (4, -0.2), (4.6, 2), (2.4, 3.2) and (0.2, 2.4) [m], but for its harmonics beyond the eighth"""
+_CENTRE, (_A, *_OTHERS), *_REST = WALL.coefficients
+WIDER = Curve((_CENTRE, (_A - 0.1, *_OTHERS), *_REST))
+GREATEST = 8.0  # [m] a reading without an echo
 ANGLES = np.array([0.0, 0.5 * math.pi, -1.75])  # [rad] of the rays
 PERIOD, FINE = 0.02, 0.01  # [s] of the readings and of the truth
 DURATION, ONSET, END = 30.0, 8.0, 18.0  # [s] of a run, and of its fault
@@ -150,6 +153,18 @@ def _late(drive: Drive, during: slice, rng: np.random.Generator) -> None:
         drive.ranges[k] = WALL.ranges(ago, ANGLES)[0] + drive.noise[k]
 
 
+def _wider(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    """The wall is 0.1 m farther out on either side than on the map."""
+    for k in range(during.start, during.stop):
+        drive.ranges[k] = WIDER.ranges(drive.truth[k], ANGLES)[0] + drive.noise[k]
+
+
+def _without_echo(drive: Drive, during: slice, rng: np.random.Generator) -> None:
+    """Three readings in ten are the greatest that the sensor has."""
+    lost = rng.random(drive.ranges[during].shape) < 0.3
+    drive.ranges[during][lost] = GREATEST
+
+
 FAULTS: dict[str, Fault] = {
     "none": _none,
     "a ray reads 0.3 m": _blocked,
@@ -165,6 +180,8 @@ FAULTS: dict[str, Fault] = {
     "a ray drifts": _drift,
     "every reading twice": _doubled,
     "ranges 50 ms late": _late,
+    "wall 0.1 m wider": _wider,
+    "readings of 8 m": _without_echo,
 }
 AWAY = "carried away 2 m"
 

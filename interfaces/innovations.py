@@ -1,4 +1,4 @@
-"""Innovations that an estimator publishes: what its readings were off from its predictions, and by how much they may be.
+"""Innovations that an estimator publishes: what its readings are off from its predictions, and may be off.
 
 Of the m numbers that an estimator reads, always in the same order, ``Estimate.extra`` has two arrays (m,): of the last
 reading of each number since the call before, the innovation and its standard deviation by the estimator's model,

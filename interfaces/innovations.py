@@ -25,11 +25,6 @@ INNOVATIONS, INNOVATION_STD = "innovations", "innovation_std"
 """names of the two arrays in ``Estimate.extra``, each (m,) and in the units of the numbers"""
 
 
-def no_innovations(numbers: int) -> dict[str, Array]:
-    """Both arrays (m,) of an estimator that has read nothing since the last call."""
-    return {INNOVATIONS: np.full(numbers, np.nan), INNOVATION_STD: np.full(numbers, np.nan)}
-
-
 def published(innovations: Array) -> dict[str, Array]:
     """Both arrays, copies of ``innovations`` (2, m): nu and sqrt(S_ii), NaN of numbers that were not read."""
     return {INNOVATIONS: innovations[0].copy(), INNOVATION_STD: innovations[1].copy()}
@@ -38,5 +33,4 @@ def published(innovations: Array) -> dict[str, Array]:
 def write_innovations(into: Array, nu: Array, variance: Array) -> None:
     """Write nu (m,), NaN of a number that was not read, and the roots of its ``variance`` (m,) ``into`` (2, m)."""
     into[0] = nu
-    np.sqrt(variance, out=into[1])
-    into[1][np.isnan(nu)] = np.nan
+    np.sqrt(variance + 0.0 * nu, out=into[1])  # NaN where nu is

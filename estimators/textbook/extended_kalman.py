@@ -10,6 +10,7 @@ taken, and the estimate is lost until a step can be taken.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -141,8 +142,10 @@ class TextbookEkf:
         for k in range(self._config.iterations):
             expected, slope = (each[seen] for each in self._outputs(at, u))
             if k == 0:  # about the prediction
-                self._innovations[0, seen] = reading.value[seen] - expected
-                self._innovations[1, seen] = np.sqrt((slope @ P @ slope.T).diagonal() + self._variance)
+                S = (slope @ P @ slope.T).diagonal() + self._variance
+                if math.isfinite(S.sum()):  # P may be beyond all numbers
+                    self._innovations[0, seen] = reading.value[seen] - expected
+                    self._innovations[1, seen] = np.sqrt(np.maximum(S, self._variance))
             self._filter.x, self._filter.P = prior, P
             self._filter.update(
                 reading.value[seen], lambda _, H=slope: H, lambda _, y=expected + slope @ (prior - at): y, R

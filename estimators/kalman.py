@@ -39,6 +39,7 @@ from mathnavi.estimators.flight_model import OF_BEACONS, AxisModel, KalmanConfig
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -73,6 +74,7 @@ class Kalman:
         self._lateness = Lateness(self._model, FixRows(self._R))
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
+        self._innovations = np.full((2, _AXES), np.nan)  # of the last fix, and their deviations
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Estimator:
@@ -148,9 +150,12 @@ class Kalman:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (6,) [m, m/s] at t [s] from the fixes since the last call, ``command`` (3,) [m/s^2] held in between.
 
-        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust and ``extra["integrity"]`` (1,) the worst statistic of the
-        fixes over its threshold; ``extra`` also counts the readings that were not used.
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust, ``extra["integrity"]`` (1,) the worst statistic of the
+        fixes over its threshold, ``extra["innovations"]`` (3,) [m] are those of the last fix and
+        ``extra["innovation_std"]`` (3,) [m] their standard deviations (``interfaces.innovations``); ``extra`` also
+        counts the readings that were not used.
         """
+        self._innovations[:] = np.nan
         for fix in measurements:
             if fix.name != "position":
                 self._counts.add(Unused.UNKNOWN_SENSOR)
@@ -163,7 +168,12 @@ class Kalman:
         self._predict(t, command)
         integrity, message = self._doubted(t, command)
         x, covariance = self._x, self._covariance()
-        extra = {"gust": x[2].copy(), "integrity": np.array([self._monitor.ratio]), **self._counts.extra}
+        extra = {
+            "gust": x[2].copy(),
+            "integrity": np.array([self._monitor.ratio]),
+            **published(self._innovations),
+            **self._counts.extra,
+        }
         status = worst(self._timeout_monitor.status(t, covariance), integrity)
         return Estimate(t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix") or message)
 
@@ -209,6 +219,7 @@ class Kalman:
         if not math.isfinite(normalised):
             self._counts.add(Unused.NOT_FINITE)
             return
+        self._innovations[0], self._innovations[1] = difference, math.sqrt(variance)
         self._monitor.note(fix.t, difference, variance * _EYE, self._R * _EYE)
         if self._noisy:
             self._monitor.note_value(fix.t, fix.value)

@@ -26,6 +26,7 @@ from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_lat
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.errors import ArgumentError
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -94,6 +95,7 @@ class MissileKalman:
         self._called: float | None = None  # [s] of the last call
         self._monitor = InnovationMonitor("readings", self._size, interval)
         self._counts = ReadingCounts()
+        self._innovations = np.full((2, self._size), np.nan)  # of the last reading, and their deviations
 
     @staticmethod
     def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
@@ -121,10 +123,13 @@ class MissileKalman:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
 
-        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes, and
-        ``extra["integrity"]`` (1,) is the worst statistic of the readings over its threshold; ``extra`` also counts the
-        readings that were not used. Raises ValueError for a reading of another shape.
+        ``extra["disturbance"]`` (nu,) [N, N m] acts in addition to the input, along the body's axes,
+        ``extra["integrity"]`` (1,) is the worst statistic of the readings over its threshold, and
+        ``extra["innovations"]`` (nx,) and ``extra["innovation_std"]`` (nx,) are those of the last reading
+        (``interfaces.innovations``); ``extra`` also counts the readings that were not used. Raises ValueError for a
+        reading of another shape.
         """
+        self._innovations[:] = np.nan
         held = np.clip(command, -self._input_max, self._input_max)
         if self._called is not None:
             self._inputs.note(self._called, held)
@@ -143,7 +148,7 @@ class MissileKalman:
         P = 0.5 * self._monitor.inflation * (P + P.T)
         status = worst(self._timeout_monitor.status(t, P), integrity)
         extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
-        extra["integrity"] = np.array([self._monitor.ratio])
+        extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
         message = waiting(status, "a reading of full_state") or self._monitor.message
         return Estimate(t, x[: self._size].copy(), P, status, extra, message)
 
@@ -184,7 +189,9 @@ class MissileKalman:
             return
         n, R = self._size, self._filter.R
         nu = self._difference(reading.value, self._filter.x[:n])
-        self._monitor.note(reading.t, nu, self._filter.P[:n, :n] + R, R)
+        S = self._filter.P[:n, :n] + R
+        self._innovations[0], self._innovations[1] = nu, np.sqrt(S.diagonal())
+        self._monitor.note(reading.t, nu, S, R)
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
         self._timeout_monitor.note(reading.t)
 

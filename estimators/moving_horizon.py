@@ -23,12 +23,13 @@ from mathnavi.estimators.flight_model import AxisModel, KalmanConfig
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.kalman import Kalman
 from mathnavi.estimators.ranging.reader import RangeReader
-from mathnavi.estimators.stagewise.horizon import MovingHorizon
+from mathnavi.estimators.stagewise.horizon import MovingHorizon, Predicted
 from mathnavi.estimators.stagewise.model import CountedModel, SmootherStage, StageBuilder
 from mathnavi.estimators.timeout_monitor import FARTHEST, InnovationMean, TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.possible import possible_or_lost
 from mathnavi.estimators.velocity.reading_errors import ReadingErrors
 from mathnavi.interfaces.bounds import FINITE, Positive, configuration
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Estimator, Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -85,6 +86,7 @@ class MovingHorizonEstimator:
         self._ranging = cast("RangingModel", model) if isinstance(mission, RangingMission) else None
         self._counts = ReadingCounts() if self._reader is None else self._reader.counts
         self._residuals = InnovationMean(_MOST)
+        self._innovations = np.full((2, model.rows), np.nan)  # of the last call, and their deviations
         self._t: float | None = None  # [s] of the last call
         self._unknown = unknown
         self._errors: ReadingErrors | None = getattr(model, "reading_errors", None)  # of positions
@@ -174,10 +176,13 @@ class MovingHorizonEstimator:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate at t [s] from the readings since the last call, ``command`` (nu,) held in between.
 
-        ``extra["deviation"]`` (d,) are standard deviations of the model's errors, NaN before there are any; ``extra``
-        also counts the readings that were not used.
+        ``extra["deviation"]`` (d,) are standard deviations of the model's errors, NaN before there are any;
+        ``extra["innovations"]`` (m,) and ``extra["innovation_std"]`` (m,) are those of the numbers last read
+        (``interfaces.innovations``), by the prediction from the newest stage before, whose covariance is that of the
+        whole window with its arrival cost. ``extra`` also counts the readings that were not used.
         """
         horizon, lost = self._horizon, False
+        self._innovations[:] = np.nan
         self._count(t, measurements, command)
         gone = self._t is not None and t - self._t > max(FARTHEST, 100.0 * self.period)
         astray = self._monitor is not None and self._monitor.in_a_row > _LASTING
@@ -189,8 +194,9 @@ class MovingHorizonEstimator:
         self._t = t
         try:
             for stage in self._builder.add(t, measurements, command):
+                fresh = not horizon.started and self._model.start(None) is None  # it starts at a reading
                 horizon.add(stage)
-                self._test(stage, command)
+                self._test(stage, command, fresh=fresh)
                 agreed = bool(stage.readings) and horizon.started and not horizon.failure and horizon.agrees
                 if agreed:
                     fits = self._residuals.fits(np.square(horizon.residual), self._timeout_monitor.converged)
@@ -214,7 +220,8 @@ class MovingHorizonEstimator:
         if self._ranging is not None:
             status = self._ranging.fit.judged(status)
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
-        extra = {"deviation": deviation, **self._model.extra(self._unknown, P), **self._counts.extra}
+        extra = {"deviation": deviation, **published(self._innovations)}
+        extra |= {**self._model.extra(self._unknown, P), **self._counts.extra}
         message = waiting(status, "readings that agree")
         if self._monitor is not None:
             status, extra["integrity"] = worst(status, self._monitor.status(t)), np.array([self._monitor.ratio])
@@ -230,9 +237,13 @@ class MovingHorizonEstimator:
             estimate = self._errors.doubted(estimate)
         return possible_or_lost(self._mission, estimate)
 
-    def _test(self, stage: SmootherStage, command: Array) -> None:
-        """Test what was predicted for the readings of a stage, to which ``command`` (nu,) led."""
-        for y, predicted in zip(stage.readings, self._horizon.predicted, strict=False):
+    def _test(self, stage: SmootherStage, command: Array, *, fresh: bool) -> None:
+        """Test what was predicted for the readings of a stage, to which ``command`` (nu,) led; of one that was
+        ``fresh`` the first predicts itself.
+        """
+        for k, (y, predicted) in enumerate(zip(stage.readings, self._horizon.predicted, strict=False)):
+            if not fresh or k:
+                self._keep_innovations(predicted)
             if self._ranging is not None:
                 self._ranging.compare(self._horizon.x, self._horizon.P, y)
             if self._errors is not None:
@@ -243,6 +254,11 @@ class MovingHorizonEstimator:
                     self._monitor.note_value(stage.t, y)
                 if self._lateness is not None:
                     self._lateness.step(stage.t, command, y)
+
+    def _keep_innovations(self, predicted: Predicted) -> None:
+        noise = self._model.noise(predicted.x, predicted.y)
+        known = predicted.known
+        self._innovations[:, known] = noise[known] * predicted.r, noise[known] * np.sqrt(predicted.S.diagonal())
 
     def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Count the readings that are not used."""

@@ -168,7 +168,9 @@ class Estimator(Protocol):
     """Estimator: from measurements to an estimate.
 
     It may also have ``numbers``, the "name [unit]" of each number of an estimate that is not of the whole state, and
-    ``figures``, those of the numbers of each array in ``Estimate.extra``, by its key.
+    ``figures``, those of the numbers of each array in ``Estimate.extra``, by its key. One that reads numbers may have
+    there its ``innovations`` (m,) and their standard deviations ``innovation_std`` (m,), both or neither
+    (``interfaces.innovations``).
     """
 
     period: float  # [s]

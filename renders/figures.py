@@ -33,6 +33,7 @@ LEAST_RANGE = 0.5  # [m] or [degrees] of a histogram, to either side
 MAP_MARGIN, LEAST_PART = 0.15, 0.1  # about a part of a map, in its size; the smallest part, in sizes of the map
 LOWEST_DRAWN = 1.0  # [m] of clearance, on a log scale
 MOST_POINTS = 1500  # of a curve
+_PARTS = 100  # of a run, over each of which squares are averaged
 
 
 def canvas(width: float, height: float) -> Figure:
@@ -130,6 +131,24 @@ def cost_figure(plans: Sequence[Plan], adopted: Array, duration: float) -> Figur
         cost = np.array([plan.cost for plan in plans])
         axes.step(adopted, cost, where="post", color=colour_of(SceneElement.OPTIMISED))
         axes.set(xlabel="time [s]", ylabel="cost", xlim=(0.0, duration), title="Composite cost of the plan being flown")
+    return figure
+
+
+def innovations_figure(t: Array, nu: Array, deviation: Array, duration: float) -> Figure:
+    """Mean squares of innovations nu (n, m) at t (n,) [s] over their standard deviations, in equal parts of a run."""
+    parts = np.clip(t / max(duration, 1e-9) * _PARTS, 0, _PARTS - 1).astype(np.int64)
+    e, known = nu / deviation, np.isfinite(nu)
+    count = np.bincount(parts, known.sum(axis=1), _PARTS)
+    square = np.bincount(parts, np.where(known, np.square(e), 0.0).sum(axis=1), _PARTS)
+    read = count > 0.0
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(9.4, 2.6)
+        axes = figure.add_subplot()
+        middles = (np.arange(_PARTS) + 0.5) * duration / _PARTS
+        axes.plot(middles[read], square[read] / count[read], color=colour_of(SceneElement.RAY), lw=1.1)
+        axes.axhline(1.0, color=BOUND, ls=":", lw=1.2)
+        axes.set(xlabel="time [s]", ylabel="mean square [-]", xlim=(0.0, duration), title="Normalised innovations")
+        axes.set_ylim(0.0, 1.15 * max(2.0, axes.get_ylim()[1]))
     return figure
 
 

@@ -15,7 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from mathnavi.interfaces.signals import Event
+import numpy as np
+
+from mathnavi.interfaces.innovations import INNOVATION_STD, INNOVATIONS
+from mathnavi.interfaces.signals import Array, Event
 from mathnavi.interfaces.writing import write_text
 from mathnavi.models import opengl
 from mathnavi.renders import figures, page
@@ -127,6 +130,20 @@ def solve_figures(summary: Mapping[str, Any]) -> list[Drawn]:
     if summary.get("solve_ms_mean") is None:
         return []
     return [("solve", figures.solve_figure(summary), "Thread CPU time of one optimisation.")]
+
+
+def innovation_figures(arrays: Mapping[str, Array], duration: float) -> list[Drawn]:
+    """The figure of the innovations, from the arrays of a vehicle's log, where its estimator has published some."""
+    t, nu, deviation = (arrays.get(f"estimate.{name}") for name in ("t", INNOVATIONS, INNOVATION_STD))
+    if t is None or nu is None or deviation is None or nu.ndim != 2 or nu.shape != deviation.shape:
+        return []
+    if not np.isfinite(nu).any():
+        return []
+    caption = (
+        "Squares of what the readings are off from the estimator's predictions, over the variances that it expects, on "
+        "average over the numbers read within each hundredth of the run: 1 where all is as declared."
+    )
+    return [("innovations", figures.innovations_figure(t, nu, deviation, duration), caption)]
 
 
 def event_figures(run: ReportedRun, duration: float, of_all: str = "") -> list[Drawn]:

@@ -49,6 +49,7 @@ from mathnavi.estimators.invariant.strapdown import WALK as WALKS_FOR
 from mathnavi.estimators.invariant.strapdown import trusted
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, worst
 from mathnavi.interfaces.bounds import Positive, configuration
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -98,6 +99,7 @@ class InertialAttitude:
         self._readings = TimeoutMonitor(config.timeout, mission.period)
         self._monitor = InnovationMonitor("velocities", 2, _APART / mission.corner)
         self._tested = -math.inf  # [s] when the velocity was last tested
+        self._innovations = np.full((2, 2), np.nan)  # of that test in the last call, and their deviations
         self._quiet = QuietWindow(imu, mission.period)
         self._t: float | None = None  # [s] of the state; None before the first reading
         self._q, self._motion, self._bias = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(4), np.zeros(3)
@@ -134,9 +136,12 @@ class InertialAttitude:
         The covariance (4, 4) is that of its components; the heading's part is that of an unknown one. ``extra`` has
         ``attitude_deviation`` (3,), standard deviations about the axes of the world [rad], the last the heading's,
         the ``rate`` (3,) [rad/s], the gyro's ``bias`` (3,) [rad/s] with its ``bias_deviation`` (3,), ``at_rest`` (1,),
-        and ``integrity`` (1,), the worst statistic of the velocities over its threshold. It also counts the readings
-        that were not used.
+        and ``integrity`` (1,), the worst statistic of the velocities over its threshold. ``innovations`` (2,) [m/s] and
+        ``innovation_std`` (2,) [m/s] are those of the horizontal velocity that the readings add up to, about the mean
+        of the declared motion, zero, at the times when that is tested (``interfaces.innovations``). It also counts the
+        readings that were not used.
         """
+        self._innovations[:] = np.nan
         for reading in sorted(measurements, key=lambda each: each.t):
             if (reason := self._unused(reading)) is not None:
                 self._counts.add(reason)
@@ -174,7 +179,9 @@ class InertialAttitude:
         if self._found and t - self._tested >= _APART / self._mission.corner - TIME_TOLERANCE:
             self._tested = t
             R = self._mission.speed**2 * np.eye(2)
-            self._monitor.note(t, self._motion[:2].copy(), self._P[3:5, 3:5] + R, R)
+            nu, S = self._motion[:2].copy(), self._P[3:5, 3:5] + R
+            self._innovations[0], self._innovations[1] = nu, np.sqrt(S.diagonal())
+            self._monitor.note(t, nu, S, R)
         if not self._found and self._is_known():
             self._found, self._gap = True, False
 
@@ -247,6 +254,7 @@ class InertialAttitude:
             "bias_deviation": np.sqrt(np.diag(self._P)[7:]),
             "at_rest": np.array([float(self._at_rest)]),
             "integrity": np.array([self._monitor.ratio]),
+            **published(self._innovations),
             **self._counts.extra,
         }
         return Estimate(t, q, quaternion_covariance(q, P), status, extra, message)

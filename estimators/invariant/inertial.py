@@ -42,6 +42,7 @@ from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_lat
 from mathnavi.estimators.velocity.readings import OutlierCounter
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -100,6 +101,7 @@ class InertialIekf:
         self._strapdown = Strapdown(X, _first(config, mission), x[RATE], self._gravity, noise, biases)
         at_rest = self._strapdown.has_biases and config.start_velocity is None
         self._rest = Rest(noise, mission.vehicle.gravity) if at_rest else None
+        self._innovations = np.full((2, 3), np.nan)  # of the last fix, and their deviations
         self._H = np.eye(3, len(self._strapdown.P), 6)  # a fix reads the position
 
     @staticmethod
@@ -146,9 +148,11 @@ class InertialIekf:
         ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body, the standard deviations
         ``attitude_deviation`` (3,) [rad] about its axes, ``integrity`` (1,), the worst statistic of the fixes over its
         threshold, the IMU's ``bias`` (6,) [rad/s, m/s^2] with its
-        ``bias_deviation`` (6,), and ``nis`` (2,) of the newest fix with its number of
-        components, NaN if none was used. It also counts the readings that were not used.
+        ``bias_deviation`` (6,), ``nis`` (2,) of the newest fix with its number of
+        components, NaN if none was used, and its ``innovations`` (3,) [m] with their standard deviations
+        ``innovation_std`` (3,) [m] (``interfaces.innovations``). It also counts the readings that were not used.
         """
+        self._innovations[:] = np.nan
         nis = np.full(2, np.nan)
         strapdown = self._strapdown
         if strapdown.t is None:
@@ -176,6 +180,7 @@ class InertialIekf:
             "rate": strapdown.rate.copy(),
             "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
             "nis": nis,
+            **published(self._innovations),
             "integrity": np.array([self._monitor.ratio]),
             "bias": strapdown.bias.copy(),
             "bias_deviation": strapdown.bias_deviation,
@@ -229,10 +234,14 @@ class InertialIekf:
     def _fix(self, reading: Measurement) -> Array:
         """Condition on a fix; return NIS and its number of components, NaN if the fix was refused."""
         X = self._strapdown.X
-        nu = X[:3, :3].T @ (reading.value - X[:3, 4])
+        off = reading.value - X[:3, 4]
+        nu = X[:3, :3].T @ off
         d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
-        self._monitor.note(reading.t, nu, self._H @ self._strapdown.P @ self._H.T + self._R, self._R)
+        S = self._H @ self._strapdown.P @ self._H.T + self._R
+        R = X[:3, :3]  # from the body's axes, in which S is, to those of a fix
+        self._innovations[0], self._innovations[1] = off, np.sqrt((R @ S @ R.T).diagonal())
+        self._monitor.note(reading.t, nu, S, self._R)
         if self._mission.flight.position_noise > 0.0:
             self._monitor.note_value(reading.t, reading.value)
         if not self._outlier_counter.admits(agrees):

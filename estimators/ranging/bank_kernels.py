@@ -167,8 +167,8 @@ def condition_each(
     ``condition``.
 
     ``sensors`` have the declared noise, ``noise`` the estimate of the true one, updated by the best hypothesis, whose
-    outliers are counted. Updates scores, misfits and slips too. Returns the index of the best hypothesis (``best`` if
-    several are equal), its NIS, and the number of rays in the NIS.
+    outliers are counted and whose innovations are kept. Updates scores, misfits and slips too. Returns the index of
+    the best hypothesis (``best`` if several are equal), its NIS, and the number of rays in the NIS.
     """
     score, misfit = bank.score, bank.misfit
     sigma, epsilon = noise_of(noise)
@@ -198,6 +198,7 @@ def condition_each(
         if k == best:
             innovations.outliers[1] += innovations.outliers[0]
             innovations.misfits[1] += innovations.misfits[0]
+            innovations.of_best[:] = innovations.tested
             if polygonal:
                 learn_correlation(innovations)
             learn_noise(
@@ -331,7 +332,7 @@ SENSORS = named(RaySensors, TWO, types.float64, types.float64, types.float64, ty
 SUMS = named(NoiseSums, ONE, ONE)
 SYMMETRY = combined(types.int64, types.float64, types.float64)
 SCORING = named(Scoring, types.float64, types.float64, types.float64, types.float64)
-INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64), TWO, ONE)
+INNOVATIONS = named(Innovations, ONE, ONE, ONE, ONE, array(1, types.int64), array(1, types.int64), TWO, ONE, TWO, TWO)
 KERNELS: tuple[Signature, ...] = (
     (condition_each, (HYPOTHESES, types.int64, ONE, WALL, SENSORS, SUMS, SCORING, INNOVATIONS)),
     (project, (TWO, ONE, ONE, WALL, TWO, types.int64, types.float64)),

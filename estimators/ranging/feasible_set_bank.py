@@ -69,6 +69,7 @@ from mathnavi.estimators.ranging.slip_weight import SlipWeight
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.angles import Radians, check_angle
 from mathnavi.interfaces.bounds import CountInMemory, Each, Positive, Probability, Seed, Within, configuration
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
@@ -195,13 +196,16 @@ class FeasibleSetBank:
 
         ``command`` (2,) replaces missing odometry. ``extra`` has the ``hypotheses`` (K, 3), their ``scores`` (K,) and
         ``weights`` (K,), NaN for hypotheses that do not exist; ``nis`` (2,), the NIS of the best and its number of
-        rays, NaN without an update; ``noise`` (2,), the ranges' standard deviation over the declared one and the share
-        of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise of wheel slip. It also counts the
-        readings that were not used, by ray; an outlier is one that is more likely so than not to the best hypothesis.
+        rays, NaN without an update; ``innovations`` (l,) [m] and ``innovation_std`` (l,) [m], those of the rays by the
+        hypothesis that was the best before (``interfaces.innovations``); ``noise`` (2,), the ranges' standard deviation
+        over the declared one and the share of outliers; and ``slip`` (1,) [m^2/s], the intensity of the process noise
+        of wheel slip. It also counts the readings that were not used, by ray; an outlier is one that is more likely so
+        than not to the best hypothesis.
         """
         rho, u = self._reader.read(t, measurements, command)
         self._last.remember(t, rho, u)
         nis = np.full(2, np.nan)
+        self._fit.innovations.of_best[:] = np.nan
         if self._is_alive:
             if t > self._t:
                 predict_each(
@@ -344,6 +348,7 @@ class FeasibleSetBank:
             "scores": bank.score.copy(),
             "weights": weights,
             "nis": nis,
+            **published(self._fit.innovations.of_best),
             "noise": np.array(noise_of(self._noise)),
             "slip": bank.slip[best : best + 1].copy(),
             **self._reader.counts.extra,

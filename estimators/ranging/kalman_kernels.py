@@ -70,6 +70,8 @@ class Innovations(NamedTuple):
     misfits: Integers  # (2,) rays that the pose after the update does not explain, in a polygon; likewise
     fits: Array  # (2, l) residuals over sqrt(r) at the pose after the update, in a polygon: of the update, and the last
     products: Array  # (2,) sums of products of each with the last one of its ray, and of their squares
+    tested: Array  # (2, l) [m] by the prediction alone: z less the expected range, and its standard deviation
+    of_best: Array  # (2, l) [m] those of the best filter of a bank
 
 
 def no_innovations(rays: int) -> Innovations:
@@ -77,7 +79,7 @@ def no_innovations(rays: int) -> Innovations:
     residual, variance, white, share = np.full((4, rays), np.nan)
     return Innovations(
         residual, variance, white, share, np.zeros(2, np.int64), np.zeros(2, np.int64),
-        np.full((2, rays), np.nan), np.zeros(2),
+        np.full((2, rays), np.nan), np.zeros(2), np.full((2, rays), np.nan), np.full((2, rays), np.nan),
     )  # fmt: skip
 
 
@@ -193,6 +195,7 @@ def condition(
     innovations.outliers[0] = 0
     for i in range(len(z)):
         innovations.residual[i] = innovations.variance[i] = innovations.white[i] = innovations.share[i] = math.nan
+        innovations.tested[0, i] = innovations.tested[1, i] = math.nan
         if not z[i] > 0.0:
             continue
         h, B, C, E = expected_range(wall, x, rays[i], H, D)
@@ -202,7 +205,12 @@ def condition(
             PH[j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
         r = (relative * h) ** 2 + absolute**2
-        s = HPH + r + 0.5 * square_trace(predicted, D, E, B, C, H)
+        by_curvature = 0.5 * square_trace(predicted, D, E, B, C, H)
+        s = HPH + r + by_curvature
+        predicted_HPH = 0.0
+        for j in range(3):
+            predicted_HPH += H[j] * (predicted[j, 0] * H[0] + predicted[j, 1] * H[1] + predicted[j, 2] * H[2])
+        innovations.tested[0, i], innovations.tested[1, i] = z[i] - h, math.sqrt(predicted_HPH + r + by_curvature)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
         square = nu * nu / s
         read += 1

@@ -37,7 +37,7 @@ from scipy.interpolate import CubicSpline
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE, RangeModel
-from mathnavi.estimators.ranging.observer_covariance import ObserverCovariance, Step, slopes_of
+from mathnavi.estimators.ranging.observer_covariance import ObserverCovariance, Step, innovations, slopes_of
 from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.reader import RangeReader
@@ -45,6 +45,7 @@ from mathnavi.estimators.timeout_monitor import waiting, worst
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import Unused
@@ -218,6 +219,10 @@ class RangeObserver:
         if config.z_0:
             self._z[:] = config.z_0
         model = RangeModel(mission)
+        self._rays = (mission.alpha, model.relative, model.absolute)
+        self._odometry = (model.W, model.scale**2)  # variances (2,) of the input, and that of its scale error
+        self._last: tuple[Array, Array] | None = None  # pose (3,) and covariance (3, 3) of the last call
+        self._innovations = np.full((2, l), np.nan)  # [m] of the last call, and their deviations
         self._errors = ObserverCovariance(model, self._fit[0], mission.period)
         self._quiet, self._wrong = math.inf, 0.0  # [s] for which the ranges have agreed with the pose, and have not
         self._errors.start(
@@ -267,10 +272,16 @@ class RangeObserver:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) at the window's centre, where the observer runs.
-        It also counts the readings that were not used, by ray; an outlier once it is at the centre.
+        ``innovations`` (l,) [m] and ``innovation_std`` (l,) [m] are those of the rays (``interfaces.innovations``), as
+        predicted from the estimate of the call before, with its covariance, over a period. It also counts the readings
+        that were not used, by ray; an outlier once it is at the centre.
         """
         window, reader = self._window, self._reader
         rho, u = reader.read(t, measurements, command)
+        self._innovations[:] = np.nan
+        if self._last is not None:
+            odometry = (np.ascontiguousarray(u), *self._odometry)
+            innovations(self._wall, self._rays, rho, *self._last, odometry, self.period, self._innovations)
         window.push(rho, u)
         if window.has_centre:
             self._observe()
@@ -279,7 +290,8 @@ class RangeObserver:
         P = self._errors.now(self._pose, window.inputs_since)
         status = worst(reader.status(t), self._lock) if window.has_centre else Status.INITIALISING
         z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
-        extra = {"z": z, "value": self._value.copy(), **reader.counts.extra}
+        self._last = x, P
+        extra = {"z": z, "value": self._value.copy(), **published(self._innovations), **reader.counts.extra}
         wanted = "ranges" if window.has_centre else f"{window.half + 1} readings: it has {window.count}"
         message = "" if self._lock is Status.OK else "disagrees with its ranges and their rates"
         return Estimate(t, x, P, status, extra, waiting(status, wanted) or message)

@@ -211,6 +211,45 @@ def ranges_and_rates(wall: WallShape, alpha: Array, pose: Array, u: Array) -> Ar
 
 
 @njit(cache=True, nogil=True)
+def innovations(
+    wall: WallShape,
+    rays: tuple[Array, float, float],
+    rho: Array,
+    pose: Array,
+    P: Array,
+    u: tuple[Array, Array, float],
+    dt: float,
+    found: Array,
+) -> None:
+    """Write the innovations of ranges rho (l,) [m], NaN where lost, and their deviations into ``found`` (2, l) [m].
+
+    They are predicted from a ``pose`` (3,) with covariance P (3, 3), dt [s] before, under a reading of the input (2,)
+    with variances (2,) and the variance of its scale error; ``rays`` are alpha (l,), the relative and the absolute
+    deviation of a range.
+    """
+    alpha, relative, absolute = rays
+    value, W, scale = u
+    F, G = integrate_jacobians(pose, value[0], value[1], dt)
+    after = integrate(pose, value[0], value[1], dt)
+    by_scale = G @ value
+    moved = F @ P @ F.T
+    for i in range(3):
+        for j in range(3):
+            moved[i, j] += G[i, 0] * W[0] * G[j, 0] + G[i, 1] * W[1] * G[j, 1] + by_scale[i] * scale * by_scale[j]
+    coefficients, polyline = wall
+    h, s = cast_rays(coefficients, polyline, after, alpha)
+    H = np.empty(3)
+    for i in range(len(alpha)):
+        found[0, i] = found[1, i] = math.nan
+        if math.isnan(rho[i]) or math.isnan(h[i]):
+            continue
+        H[0], H[1], H[2] = range_gradient(coefficients, s[i], h[i], after[2] + alpha[i])
+        S = (relative * h[i]) ** 2 + absolute**2 + H @ moved @ H
+        if math.isfinite(S):
+            found[0, i], found[1, i] = rho[i] - h[i], math.sqrt(S)
+
+
+@njit(cache=True, nogil=True)
 def pushed(P: Array, pose: Array, inputs: Array, W: Array, dt: float) -> Array:
     """Covariance (4, 4) of the pose and of b after the ``inputs`` (k, 2), of variances W (2,), each held for dt [s]."""
     poses = np.empty((len(inputs) + 1, 3))

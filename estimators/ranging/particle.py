@@ -28,6 +28,7 @@ from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import CountInMemory, Positive, Probability, Seed, Within, configuration
 from mathnavi.interfaces.errors import FieldError
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
@@ -100,6 +101,7 @@ class RangeParticle:
         self._slow = self._fast = 0.0  # w_slow, w_fast
         self._averaged = 0  # likelihoods in them
         self._t = mission.begins  # [s] of the particles; None before the first call
+        self._innovations = np.full((2, mission.sensors), np.nan)  # [m] of the last call, and their deviations
 
     @staticmethod
     def build(config: RangeParticleConfig, mission: RangingMission) -> Guarded:
@@ -134,8 +136,11 @@ class RangeParticle:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
         ``extra`` has ``effective`` (1,), n_eff, ``particles`` (1,), their number, and ``weight`` (1,), that of the
-        heaviest cluster; it also counts the readings that were not used, by ray.
+        heaviest cluster; ``innovations`` (l,) [m] and ``innovation_std`` (l,) [m] are those of the rays by all
+        particles before they are weighed (``interfaces.innovations``). It also counts the readings that were not used,
+        by ray.
         """
+        self._innovations[:] = np.nan
         model = self._model
         rho, u = self._reader.read(t, measurements, command)
         self._reader.note(t)
@@ -145,7 +150,7 @@ class RangeParticle:
         self._t = t
         effective = 1.0 / float(np.square(self._w).sum())
         if self._reader.rays:
-            effective, likelihood = weigh(self._x, self._w, rho, model.wall, self._sensors)
+            effective, likelihood = weigh(self._x, self._w, rho, model.wall, self._sensors, self._innovations)
             self._average(likelihood, dt)
         if self._symmetry[0] > 1:
             fold(self._x, self._mean[2], *self._symmetry)
@@ -178,6 +183,7 @@ class RangeParticle:
         is_known = weight >= _KNOWN and np.diag(P).max() < self._config.spread**2
         status = self._reader.status(t, P) if is_known else Status.INITIALISING
         figures = {"effective": effective, "particles": float(len(self._w)), "weight": weight}
-        extra = {**{name: np.array([value]) for name, value in figures.items()}, **self._reader.counts.extra}
+        extra = {name: np.array([value]) for name, value in figures.items()} | published(self._innovations)
+        extra |= self._reader.counts.extra
         wanted = "ranges" if is_known else f"more ranges: the heaviest cluster holds {weight:.2f} of the weight"
         return Estimate(t, self._mean[:3].copy(), P, status, extra, waiting(status, wanted))

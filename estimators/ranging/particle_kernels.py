@@ -56,9 +56,11 @@ def propagate(
 
 
 @njit(cache=True, nogil=True)
-def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) -> tuple[float, float]:
+def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors, tested: Array) -> tuple[float, float]:
     """Weigh particles x (n, 4), w (n,), in place, by ranges z (l,) [m], NaN where lost.
 
+    Writes the innovations, z less the mean range of the particles before, and their standard deviations, from the
+    particles' spread and the mean noise, into ``tested`` (2, l) [m]; NaN where z is, or no particle sees a wall.
     Returns n_eff and the mean likelihood of the particles per range: the geometric mean over the ranges that were read,
     so that lost ones make no difference; NaN if none was read.
     """
@@ -66,9 +68,11 @@ def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) ->
     coefficients, polyline = wall
     log, read = np.zeros(len(x)), 0
     for i in range(len(z)):
+        tested[0, i] = tested[1, i] = math.nan
         if math.isnan(z[i]):
             continue
         read += 1
+        total, off, spread, noise = 0.0, 0.0, 0.0, 0.0  # weight of the particles that see a wall, and sums over them
         for n in range(len(x)):
             m_1, m_2 = mounted(rays[i], x[n, 2])
             h, _ = cast_ray(coefficients, polyline, x[n, 0] + m_1, x[n, 1] + m_2, x[n, 2] + rays[i, 0])
@@ -76,7 +80,14 @@ def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors) ->
             if not math.isnan(h):
                 r = (relative * h) ** 2 + absolute**2
                 p += (1.0 - outliers) * math.exp(-0.5 * (z[i] - h) ** 2 / r) / math.sqrt(2.0 * math.pi * r)
+                total += w[n]
+                off += w[n] * (z[i] - h)
+                spread += w[n] * (z[i] - h) ** 2
+                noise += w[n] * r
             log[n] += math.log(p)
+        if total > 0.0:
+            nu = off / total
+            tested[0, i], tested[1, i] = nu, math.sqrt(max(spread / total - nu * nu, 0.0) + noise / total)
     greatest, beta = log.max(), 1.0
     after = w * np.exp(log - greatest)
     likelihood = math.exp((greatest + math.log(after.sum())) / read) if read else math.nan

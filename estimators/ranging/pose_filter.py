@@ -45,10 +45,11 @@ from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
 from mathnavi.estimators.ranging.feasible_set_bank import pose_finder
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.map_fit import MapFit
-from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, chi_square_gate
+from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Flags, Gate, RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.reader import RangeReader
 from mathnavi.estimators.timeout_monitor import waiting
 from mathnavi.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.interfaces.innovations import published, write_innovations
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
@@ -84,6 +85,7 @@ class PoseFilter(ABC):
         self._sensors = self._model.sensors(chi_square_gate(config.gate))
         self._sensors = self._sensors.noisier(1.0, max(self._model.outliers, config.gate))
         self._t = mission.begins  # [s] of the filter's state; None before the first call
+        self._innovations = self._fit.innovations.tested  # (2, l) [m] of the last call, and their deviations
 
     @classmethod
     def build(cls, config: PoseFilterConfig, mission: RangingMission) -> Guarded:
@@ -116,8 +118,9 @@ class PoseFilter(ABC):
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) replaces missing odometry.
 
-        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update; ``extra`` also counts
-        the readings that were not used, by ray.
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update;
+        ``extra["innovations"]`` (l,) [m] and ``extra["innovation_std"]`` (l,) [m] are those of the rays
+        (``interfaces.innovations``); ``extra`` also counts the readings that were not used, by ray.
         """
         reader = self._reader
         rho, u = reader.read(t, measurements, command)
@@ -128,7 +131,8 @@ class PoseFilter(ABC):
         x, P = self._state()
         P = self._fit.inflation * P[:3, :3]
         status = self._fit.judged(reader.status(t, P))
-        return Estimate(t, x[:3].copy(), P, status, {"nis": nis, **reader.counts.extra}, waiting(status, "ranges"))
+        extra = {"nis": nis, **published(self._innovations), **reader.counts.extra}
+        return Estimate(t, x[:3].copy(), P, status, extra, waiting(status, "ranges"))
 
     def _condition_among_walls(self, rho: Array) -> Array:
         """``_condition`` within a polygon; the gate learns of outliers there, and refuses nothing."""
@@ -154,7 +158,15 @@ class PoseFilter(ABC):
 
     @abstractmethod
     def _condition(self, rho: Array) -> Array:
-        """Condition on the ranges rho (l,) that were read and are within the gate; return NIS and their number (2,)."""
+        """Condition on the ranges rho (l,) that were read and are within the gate; return NIS and their number (2,).
+
+        Tests them by ``_passes``.
+        """
+
+    def _passes(self, nu: Array, S: Array) -> Flags:
+        """True (l,) where a ray is to be used, by its innovation nu (l,) [m] and the variance S (l,) [m^2] of that."""
+        write_innovations(self._innovations, nu, S)
+        return self._gate.passes(np.square(nu) / S)
 
 
 class RangeEkf(PoseFilter):
@@ -187,7 +199,7 @@ class RangeEkf(PoseFilter):
         h, H = expected_ranges(model.wall, x[:3], model.rays)
         H = np.column_stack((H, np.zeros(len(h))))
         variance = model.range_variance(h)
-        good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance))
+        good = self._passes(rho - h, np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance)
         if not good.any():
             return np.full(2, np.nan)
         R = np.diag(variance[good])
@@ -230,7 +242,7 @@ class RangeIekf(PoseFilter):
         h, slope = expected_ranges(model.wall, x[:3], model.rays)
         H = np.column_stack((slope @ _axes(x)[:3, :3], np.zeros(len(h))))
         variance = model.range_variance(h)
-        good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._P, H) + variance))
+        good = self._passes(rho - h, np.einsum("ij,jk,ik->i", H, self._P, H) + variance)
         if not good.any():
             return np.full(2, np.nan)
         d, self._P, nis = condition(self._P, H[good], rho[good] - h[good], np.diag(variance[good]))

@@ -85,7 +85,7 @@ class RangeUkf(PoseFilter):
         h = np.array([self._read(sigma) for sigma in self._filter.sigmas_f])
         R = np.diag(model.range_variance(h[0]))
         mean, S = unscented_transform(h, self._filter.Wm, self._filter.Wc, R)
-        good = self._gate.passes(np.square(rho - mean) / np.diag(S))
+        good = self._passes(rho - mean, np.diag(S))
         if not good.any():
             return np.full(2, np.nan)
         self._filter.update(rho[good], R=R[np.ix_(good, good)], hx=lambda sigma: self._read(sigma)[good])

@@ -149,13 +149,14 @@ def condition_among_walls(
 ) -> tuple[float, float, int]:
     """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m] within a polygon; see ``condition``.
 
-    Innovations and NIS are those of the line on which a ray most likely ended.
+    Innovations and NIS are those of the line on which a ray most likely ended, but for those that are ``tested``.
     """
     rays, relative, absolute, gate = sensors.rays, sensors.relative, sensors.absolute, sensors.gate
     likelihood, nis, read = 0.0, 0.0, 0
     lines, weights, taken = np.empty((len(NODES), 7)), np.empty(len(NODES)), np.empty(len(z), np.bool_)
     prior, before, at, Q, moved = P.copy(), x.copy(), x.copy(), P.copy(), np.zeros(4)
-    for _ in range(PASSES):
+    innovations.tested[:] = math.nan
+    for n in range(PASSES):
         likelihood, nis, read = 0.0, 0.0, 0
         innovations.outliers[0] = 0
         taken[:] = False
@@ -174,6 +175,9 @@ def condition_among_walls(
                 if count == 0 or (count > 1 and not is_last):
                     continue
                 taken[i] = True
+                if n == 0:  # about the prediction itself
+                    mean, variance = range_among(lines[:count], weights[:count], prior, relative, absolute)
+                    innovations.tested[0, i], innovations.tested[1, i] = z[i] - mean, math.sqrt(variance)
                 logarithm, nu, s, r, beta = _condition_on_one(
                     moved, P, z[i], Q, sensors, lines[:count], weights[:count]
                 )
@@ -195,6 +199,25 @@ def condition_among_walls(
     innovations.misfits[0] = misfits(x, P, z, wall, sensors, innovations.fits[0])
     doubt(x, P, before, prior, mismatched(innovations.misfits[0], read, sensors.outliers), wall)
     return likelihood, nis, read
+
+
+@njit(cache=True, nogil=True)
+def range_among(lines: Array, weights: Array, P: Array, relative: float, absolute: float) -> tuple[float, float]:
+    """Mean [m] and variance [m^2] of a range that ends on one of ``lines`` (m, 7), of ``weights`` (m,), as predicted.
+
+    They are those of the mixture: sum w_k h_k, and sum w_k (s_k + h_k^2) less the square of the mean.
+    """
+    flat, mean, variance = np.zeros(3), 0.0, 0.0
+    for k in range(len(lines)):
+        mean += weights[k] * lines[k, 0]
+    for k in range(len(lines)):
+        h, H = lines[k, 0], lines[k, 1:4]
+        s = (relative * h) ** 2 + absolute**2
+        for j in range(3):
+            s += H[j] * (P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2])
+        s += 0.5 * square_trace(P[:3, :3], flat, lines[k, 5], lines[k, 4], 0.0, H)
+        variance += weights[k] * (s + (h - mean) ** 2)
+    return mean, variance
 
 
 @njit(cache=True, nogil=True)

@@ -90,6 +90,9 @@ class FlightModel:
         W = np.eye(3, 9) / self._axis.fix_std
         return (y - x[:3]) / self._axis.fix_std, W
 
+    def noise(self, x: Array, y: Array) -> Array:
+        return np.full(3, self._axis.fix_std)
+
     def sum(self, x: Array, e: Array) -> Array:
         return x + e
 

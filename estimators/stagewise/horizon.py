@@ -33,6 +33,7 @@ from itertools import pairwise
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mathnavi.estimators.stagewise.model import (
     AssociatingModel,
@@ -122,6 +123,8 @@ def _solver(d: int, N: int) -> NlpSolver:
     return NlpSolver("horizon", "fatrop", functions, settings, ("x",), seconds=_SECONDS)
 
 
+Flags = NDArray[np.bool_]
+
 _MOVED = 0.5  # deviations by which a state may move before its transition is linearised again
 _GOOD = 4.0  # deviations within which a component of a reading agrees with the estimate
 
@@ -142,11 +145,13 @@ class _Node:
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """Prediction for a reading: the state x, the innovation r (k,) in deviations of the reading, and its covariance S
-    (k, k).
+    """Prediction for a reading y, with the ways that were chosen for it: the state x, the innovation r (k,) in
+    deviations of the reading, and its covariance S (k, k), of the window's estimate before the reading and its noise.
     """
 
     x: Array
+    y: Array
+    known: Flags  # (rows,) True for the components that r has
     r: Array
     S: Array
 
@@ -342,9 +347,12 @@ class MovingHorizon:
         return tuple(self._associating.associated(self.x, self.P, y) for y in readings)
 
     def _spread(self, node: _Node) -> Array:
-        r, W = residuals(self._model, node.x, node.readings)
+        (y,) = node.readings
+        r, W = self._model.residual(node.x, y)
+        known = np.isfinite(r) & np.isfinite(W).all(axis=1)
+        r, W = r[known], W[known]
         S = np.eye(len(r)) + W @ self.P @ W.T
-        self.predicted.append(Predicted(node.x, r, S))
+        self.predicted.append(Predicted(node.x, y, known, r, S))
         spread: Array = np.sqrt(S.diagonal())
         return spread
 

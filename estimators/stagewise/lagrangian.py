@@ -80,6 +80,9 @@ class LagrangianModel:
             moved = np.full(self.rows, np.nan)
         return moved / sigma, np.eye(self.rows, self.size) / sigma[:, np.newaxis]
 
+    def noise(self, x: Array, y: Array) -> Array:
+        return self.deviation(y)
+
     def deviation(self, y: Array) -> Array:
         """Standard deviations (n,) of a reading's coordinates: as found, or as declared near the first, y (size,)."""
         if self._sigma is None:

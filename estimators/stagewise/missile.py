@@ -106,6 +106,9 @@ class MissileModel:
         error[angles] = wrapped(error[angles])
         return error / self._reading, np.eye(self.rows, self.size) / self._reading[:, np.newaxis]
 
+    def noise(self, x: Array, y: Array) -> Array:
+        return self._reading
+
     def sum(self, x: Array, e: Array) -> Array:
         return x + e
 

@@ -103,6 +103,10 @@ class CountedModel(StagewiseModel, Protocol):
         """Reason why a measurement is not used; None for one that is."""
         ...
 
+    def noise(self, x: Array, y: Array) -> Array:
+        """Standard deviations (rows,) of the noise of a reading y at x, in its units: those that ``residual`` is in."""
+        ...
+
     def restart(self) -> bool:
         """Start at the next reading, wherever the vehicle has gone since the last; False if the model cannot."""
         ...

@@ -85,17 +85,22 @@ class RangingModel:
         self.fit.compare(x, P, y, self._model.wall, self._sensors)
 
     def residual(self, x: Array, y: Array) -> tuple[Array, Array]:
+        h, H, sigma = self._expected(x, y)
+        W = np.zeros((len(h), STATES))
+        W[:, :3] = H / sigma[:, np.newaxis]
+        return ((y if y.ndim == 1 else y[:, 0]) - h) / sigma, W
+
+    def noise(self, x: Array, y: Array) -> Array:
+        return self._expected(x, y)[2]
+
+    def _expected(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Ranges h (l,) [m] at x, where a reading y has them, their derivatives (l, 3) and deviations (l,) [m]."""
         model = self._model
         if y.ndim == 1:
             h, H = expected_ranges(model.wall, x[:3], model.rays)
-            sigma = np.sqrt(model.range_variance(h))
-        else:
-            h, H = ranges_to(model.wall, x[:3], model.rays, y[:, 1])
-            sigma = np.sqrt(model.range_variance(h) / y[:, 2])
-            y = y[:, 0]
-        W = np.zeros((len(h), STATES))
-        W[:, :3] = H / sigma[:, np.newaxis]
-        return (y - h) / sigma, W
+            return h, H, np.sqrt(model.range_variance(h))
+        h, H = ranges_to(model.wall, x[:3], model.rays, y[:, 1])
+        return h, H, np.sqrt(model.range_variance(h) / y[:, 2])
 
     def deviations(self, x: Array) -> tuple[Array, Array]:
         """Standard deviations (l,) [m] of the ranges at x, and their derivatives (l,) by the range."""

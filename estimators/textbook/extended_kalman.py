@@ -10,6 +10,7 @@ taken, and the estimate is lost until a step can be taken.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting
 from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
@@ -60,7 +62,8 @@ class TextbookEkf:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._timeout_monitor = TimeoutMonitor(config.timeout, mission.period)
         self._followed = True  # the last step was taken
-        self._counts, self._innovations = ReadingCounts(), InnovationMean(_MOST)
+        self._counts, self._mean = ReadingCounts(), InnovationMean(_MOST)
+        self._innovations = np.full((2, m), np.nan)  # of the last reading, and their deviations
 
     @staticmethod
     def build(config: TextbookEkfConfig, mission: TextbookMission) -> TextbookEkf:
@@ -87,8 +90,11 @@ class TextbookEkf:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
 
-        ``extra`` counts the readings that were not used, by output.
+        ``extra["innovations"]`` (m,) and ``extra["innovation_std"]`` (m,) are those of the outputs that were last read
+        and in sight (``interfaces.innovations``), about the output of the prediction; ``extra`` also counts the
+        readings that were not used, by output.
         """
+        self._innovations[:] = np.nan
         for reading in measurements:
             if reading.name != "output":
                 self._counts.add(Unused.UNKNOWN_SENSOR)
@@ -101,7 +107,8 @@ class TextbookEkf:
         P = 0.5 * (self._filter.P + self._filter.P.T)
         status = self._status(t, P)
         message = waiting(status, "a reading of output")
-        return Estimate(t, self._filter.x.copy(), P, status, self._counts.extra, message)
+        extra = {**published(self._innovations), **self._counts.extra}
+        return Estimate(t, self._filter.x.copy(), P, status, extra, message)
 
     def _predict(self, t: float, u: Array) -> None:
         """Predict from the filter's time to t [s] with u (p,) held."""
@@ -132,8 +139,13 @@ class TextbookEkf:
             return
         # State, reading and expectation are flat: filterpy broadcasts a flat array and a column to a square matrix.
         R = self._variance * np.eye(int(np.count_nonzero(seen)))
-        for _ in range(self._config.iterations):
+        for k in range(self._config.iterations):
             expected, slope = (each[seen] for each in self._outputs(at, u))
+            if k == 0:  # about the prediction
+                S = (slope @ P @ slope.T).diagonal() + self._variance
+                if math.isfinite(S.sum()):  # P may be beyond all numbers
+                    self._innovations[0, seen] = reading.value[seen] - expected
+                    self._innovations[1, seen] = np.sqrt(np.maximum(S, self._variance))
             self._filter.x, self._filter.P = prior, P
             self._filter.update(
                 reading.value[seen], lambda _, H=slope: H, lambda _, y=expected + slope @ (prior - at): y, R
@@ -143,7 +155,7 @@ class TextbookEkf:
                 break
         y, monitor = self._filter.y, self._timeout_monitor
         squares = np.full(len(y), y @ self._filter.SI @ y / len(y))
-        monitor.note(reading.t, agrees=self._innovations.fits(squares, monitor.converged))
+        monitor.note(reading.t, agrees=self._mean.fits(squares, monitor.converged))
 
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Output h(x, u) (m,) and its Jacobian (m, n)."""

@@ -28,6 +28,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
 from mathnavi.interfaces.bounds import Each, Within
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.runge_kutta import Flow
@@ -90,12 +91,17 @@ class SampledObserver:
         self._readings: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (time [s], y (m,))
         self._followed = True  # z has not escaped, and Phi has found an x^ for it
         self._agrees = True  # x^ fits the last reading
+        self._innovations = np.full((2, len(self._system.outputs)), np.nan)  # of the last call, and their deviations
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
 
-        ``extra["z"]`` is the observer's state; ``extra`` also counts the readings that were not used.
+        ``extra["z"]`` is the observer's state; ``extra["innovations"]`` (m,) are what the reading of t is off from the
+        output of x^, which the last period alone has led to it by that reading, and ``extra["innovation_std"]`` (m,)
+        the standard deviations of that (``interfaces.innovations``); ``extra`` also counts the readings that were not
+        used.
         """
+        self._innovations[:] = np.nan
         for reading in measurements:
             if reading.name != "output":
                 self._counts.add(Unused.UNKNOWN_SENSOR)
@@ -112,24 +118,26 @@ class SampledObserver:
         P = self._errors.of_state(self._x)
         newest = self._readings[-1][0] if self._readings else -math.inf
         if newest > t - TIME_TOLERANCE or not self._timeout_monitor.converged:  # an older one is of an older state
-            self._agrees = self._followed and self._fits(P, command)
-        status, extra = self._status(t, P), {"z": self._z.copy(), **self._counts.extra}
+            self._agrees = self._followed and self._fits(P, command, newest > t - TIME_TOLERANCE)
+        status, extra = self._status(t, P), {"z": self._z.copy(), **published(self._innovations), **self._counts.extra}
         message = waiting(status, "a reading of output")
         if status is Status.DEGRADED and not self._agrees:
             message = "disagrees with its readings"
         return Estimate(t, self._x.copy(), P, status, extra, message)
 
-    def _fits(self, P: Array, u: Array) -> bool:
-        """True if the last reading is near the output of x^, whose covariance is P (n, n), with u (p,) held."""
+    def _fits(self, P: Array, u: Array, new: bool) -> bool:
+        """True if the last reading is near the output of x^, whose covariance is P (n, n), with u (p,) held.
+
+        Keeps the innovations of a ``new`` one.
+        """
         if not self._readings:
             return True
         y = self._readings[-1][1]
-        off, largest = (
-            np.abs(y - self._system.output(self._x, u)),
-            max(np.abs(each).max() for _, each in self._readings),
-        )
-        tolerance = _DEVIATIONS * np.sqrt(self._errors.output_variance(self._x, P, u))
-        return bool((off <= tolerance + _OFF * largest).all())
+        nu, largest = y - self._system.output(self._x, u), max(np.abs(each).max() for _, each in self._readings)
+        deviation = np.sqrt(self._errors.output_variance(self._x, P, u))
+        if new:
+            self._innovations[0], self._innovations[1] = nu, deviation
+        return bool((np.abs(nu) <= _DEVIATIONS * deviation + _OFF * largest).all())
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """Advance from the time ``begin`` [s] by h [s] with u (p,) held."""

@@ -156,6 +156,12 @@ class InnovationTests:
         return larger
 
 
+def tested_variance(P: Array, R: Array) -> Array:
+    """Variances (n,) of innovations, by those of a prediction P (n,) and of a reading R (n,): S of the tests."""
+    S: Array = P + R + _ROUNDING
+    return S
+
+
 @njit(cache=True, nogil=True)
 def declare(known: Array, factor: Array, shown: Array, unknown: float) -> Array:
     """Deviations (2 n,) of variances that are larger by factors (n,), with errors ``shown`` (n,) and ``unknown``."""

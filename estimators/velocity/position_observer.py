@@ -23,7 +23,7 @@ import numpy as np
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, waiting, worst
 from mathnavi.estimators.velocity.chain_opening import ChainOpening, residual_of
 from mathnavi.estimators.velocity.gain_covariance import GainCovariance, Residual
-from mathnavi.estimators.velocity.innovation_tests import InnovationTests
+from mathnavi.estimators.velocity.innovation_tests import InnovationTests, tested_variance
 from mathnavi.estimators.velocity.possible import is_covariance, possible_or_lost
 from mathnavi.estimators.velocity.reading_errors import ReadingErrors
 from mathnavi.estimators.velocity.readings import (
@@ -37,6 +37,7 @@ from mathnavi.estimators.velocity.readings import (
 )
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
+from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.manifold.manifold import CutLocusError
@@ -231,11 +232,14 @@ class PositionObserver:
         self._safe_answer = safe_answer
         self._tests = InnovationTests(mission, law.settling)
         self._noise: tuple[Array, Array] | None = None  # variances and steps (n,) of a reading
+        self._innovations = np.full((2, self._manifold.dimension), np.nan)  # of the last call, and their deviations
+        self._unread = slice(0)  # coordinates that nothing reads
         self.reading_errors = ReadingErrors(mission)
         """errors of the readings"""
 
     def ignore(self, coordinates: slice) -> None:
         """Do not test these coordinates of its readings, which nothing reads."""
+        self._unread = coordinates
         self.reading_errors.ignore(coordinates)
         self._tests.ignore(coordinates)
         if self._safe_answer is not None:
@@ -248,8 +252,12 @@ class PositionObserver:
         ``extra`` has the arrays of the law; ``deviation`` (2 n,), standard deviations of the components of position
         and velocity; ``integrity`` (1,), the worst statistic of the innovations over its threshold; ``refused`` (1,)
         readings so far; and ``restarts`` (1,), the number of starts after a failed step or after a minute without
-        calls. It also counts the readings that were not used.
+        calls. Of a law that predicts its readings ``innovations`` (n,) [rad, m] are those that the last one was tested
+        by and ``innovation_std`` (n,) [rad, m] their standard deviations (``interfaces.innovations``); both are NaN
+        where it was not, as at a start and while the noise is not known. It also counts the readings that were not
+        used.
         """
+        self._innovations[:] = np.nan
         for reading in measurements:
             y = self._reader.read(reading)
             if y is None:
@@ -279,7 +287,7 @@ class PositionObserver:
                 x,
                 covariance,
                 status,
-                {**extra, **integrity, **counts, **self.counts.extra},
+                {**extra, **integrity, **counts, **published(self._innovations), **self.counts.extra},
                 message or self._law.doubt,
             )
         )
@@ -336,6 +344,9 @@ class PositionObserver:
             self._noise = (reading_variance(self._mission, y), rounding_steps(self._mission, y))
         x, v = self._x[: self._manifold.size], self._x[self._manifold.size :]
         self._tests.note(t, h, residual, self._noise, self._manifold.components(x, v))
+        self._innovations[0] = residual.value
+        np.sqrt(tested_variance(residual.variance, self._noise[0]), out=self._innovations[1])
+        self._innovations[:, self._unread] = np.nan
 
     def _take(self, t: float, y: Array) -> bool:
         """Condition the law on a reading; True if the law was started at it."""

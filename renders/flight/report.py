@@ -32,7 +32,15 @@ from mathnavi.renders.flight.scene import flight_scene
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.relief import EXAGGERATION
-from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.report import (
+    Headline,
+    event_figures,
+    innovation_figures,
+    run_page,
+    solve_figures,
+    still_block,
+    why,
+)
 from mathnavi.renders.scene.landscape import first_plan
 from mathnavi.renders.web.document import scene_block
 from mathnavi.sim.records.figure_names import SHORTFALL
@@ -121,7 +129,7 @@ def _figures(run: FlightRun) -> list[Drawn]:
                 "Composite cost of the plan being flown, over time.",
             )
         )
-    if len(run.mission.beacons) and "estimate.innovations" in run.log.arrays:
+    if len(run.mission.beacons) and {"estimate.innovations", "estimate.left_out"} <= run.log.arrays.keys():
         drawn.append(
             (
                 "beacons",
@@ -130,6 +138,8 @@ def _figures(run: FlightRun) -> list[Drawn]:
                 "readings over theirs; a beacon that is left out has none.",
             )
         )
+    else:
+        drawn += innovation_figures(run.log.arrays, run.duration)
     return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]
 
 

@@ -15,7 +15,15 @@ from mathnavi.renders.generic.log_plan import LogPlan, log_plan, plan_figure
 from mathnavi.renders.generic.run_data import GenericRun, RecordedEstimates, estimates
 from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.plan import DEVIATIONS as DEVIATIONS_OF_PLACES
-from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.report import (
+    Headline,
+    event_figures,
+    innovation_figures,
+    run_page,
+    solve_figures,
+    still_block,
+    why,
+)
 from mathnavi.renders.scene.charts import (
     DEVIATIONS,
     difference_charts,
@@ -101,6 +109,9 @@ def _figures(run: GenericRun) -> list[Drawn]:
         if (figure := charts_figure(charts, run.duration)) is not None:
             more = f" The first {MOST_ROWS} of {len(charts)} charts are drawn." if len(charts) > MOST_ROWS else ""
             drawn.append((name, figure, f"{caption}{_banded(found[:1]) if name == 'states' and whole else ''}.{more}"))
+    if len(run.vehicles) == 1:
+        (log,) = run.vehicles.values()
+        drawn += innovation_figures(log.arrays, run.duration)
     for log in list(run.vehicles.values())[:1]:
         if any(np.isfinite(plan.cost) for plan in log.plans):
             cost = cost_figure(log.plans, log.adopted, run.duration)

@@ -19,7 +19,7 @@ from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, GEODESIC, REFEREN
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.views import chart_of
 from mathnavi.renders.page import Drawn, Markup, quantity
-from mathnavi.renders.report import Headline, event_figures, run_page, still_block, why
+from mathnavi.renders.report import Headline, event_figures, innovation_figures, run_page, still_block, why
 
 SMALLEST = 1e-12  # that a logarithmic axis shows
 FIRST = 0.15  # of a run that is shown enlarged, where nothing is found at its start
@@ -100,7 +100,8 @@ def _signals(run: LagrangianRun) -> list[Drawn]:
     words = "What acted on it"
     if run.innovation is not None:
         words += ", and the distance between each reading and its prediction"
-    return [("signals", signals_figure(run), f"{words}."), *event_figures(run, run.duration)]
+    drawn = [("signals", signals_figure(run), f"{words}."), *innovation_figures(run.log.arrays, run.duration)]
+    return [*drawn, *event_figures(run, run.duration)]
 
 
 def first_part(run: LagrangianRun) -> float:

@@ -17,7 +17,15 @@ from mathnavi.renders.missile.drawing import highlight, verdict
 from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
 from mathnavi.renders.page import Drawn, Markup, number, quantity
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
-from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.report import (
+    Headline,
+    event_figures,
+    innovation_figures,
+    run_page,
+    solve_figures,
+    still_block,
+    why,
+)
 
 TICKS = 16  # velocities marked along a path
 LAST = 1.0  # [s] before the closest approach: the end, as the target sees it
@@ -101,6 +109,7 @@ def _figures(run: MissileRun) -> list[Drawn]:
     if log.plans:
         cost = cost_figure(log.plans, log.adopted, run.duration)
         drawn.append(("cost", cost, "The objective of the plan being flown, from its start to the target, over time."))
+    drawn += innovation_figures(log.arrays, run.duration)
     return [*drawn, *solve_figures(log.summary), *event_figures(run, run.duration)]
 
 

@@ -17,7 +17,15 @@ from mathnavi.renders.palette import COLOURS, VEHICLES, SceneElement, hexadecima
 from mathnavi.renders.quadrotor.drawing import highlight
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
 from mathnavi.renders.quadrotor.scene import quadrotor_scene
-from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
+from mathnavi.renders.report import (
+    Headline,
+    event_figures,
+    innovation_figures,
+    run_page,
+    solve_figures,
+    still_block,
+    why,
+)
 from mathnavi.renders.scene.landscape import first_plan
 from mathnavi.renders.web.document import scene_block
 from mathnavi.sim.records.figure_names import SHORTFALL
@@ -114,6 +122,7 @@ def _figures(run: QuadrotorRun) -> list[Drawn]:
             "Tilt of the thrust, and the thrust asked of each rotor between nothing and its greatest.",
         ),
     ]
+    drawn += innovation_figures(flight.log.arrays, flight.duration)
     return [*drawn, *solve_figures(summary), *event_figures(flight, flight.duration)]
 
 

@@ -20,7 +20,7 @@ from mathnavi.renders.ranging.beliefs import FADED
 from mathnavi.renders.ranging.drawing import decided, highlight, verdict
 from mathnavi.renders.ranging.field_figure import field_figure
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.report import Headline, event_figures, run_page, still_block
+from mathnavi.renders.report import Headline, event_figures, innovation_figures, run_page, still_block
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 DRIVEN, ESTIMATE, HYPOTHESIS, READ = (
@@ -116,6 +116,8 @@ def _figures(run: RangingRun) -> list[Drawn]:
             f"{100.0 * CONFIDENCE:g} % of the time."
         )
         drawn.append(("consistency", consistency_figure(run), words))
+    else:
+        drawn += innovation_figures(run.log.arrays, run.duration)
     if beliefs.value is not None:
         words = "Vρ is 0 where all rays say that the robot is in the same place, Q where their rates agree."
         drawn.append(("value", value_figure(run), words))

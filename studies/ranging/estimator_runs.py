@@ -333,10 +333,10 @@ def particle_updates(
     rng: np.random.Generator,
 ) -> int:
     """Update a constant number of particles x (n, 4) by ranges z (m, l) and inputs u (m, 2), and return m."""
-    w, limits = np.full(len(x), 1.0 / len(x)), (len(x), len(x))
+    w, limits, tested = np.full(len(x), 1.0 / len(x)), (len(x), len(x)), np.empty((2, z.shape[1]))
     for k in range(len(z)):
         propagate(x, u[k], deviation, scale, wall, dt, rng)
-        effective, _ = weigh(x, w, z[k], wall, sensors)
+        effective, _ = weigh(x, w, z[k], wall, sensors, tested)
         clusters = clusters_of(x, w, cells)
         if effective < 0.5 * len(x):
             x = resample(x, w, clusters, 0.0, limits, _KLD, cells, scale, wall, rng)

@@ -27,6 +27,7 @@ import pytest
 from mathnavi.estimators.invariant.inclination_kernels import turned
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
 from mathnavi.estimators.velocity.possible import impossible
+from mathnavi.interfaces.innovations import INNOVATION_STD, INNOVATIONS
 from mathnavi.interfaces.observer_properties import ObserverProperties
 from mathnavi.interfaces.protocols import Estimator, EstimatorPlugin, StateView
 from mathnavi.interfaces.reading_counts import Unused, unused_in
@@ -668,6 +669,64 @@ def test_an_estimate_is_finite_valid_at_its_time_and_of_the_right_shape(
             assert np.isfinite(estimate.covariance).all()
         assert {name: values.shape for name, values in estimate.extra.items()} == shapes
         assert not any(np.isinf(values).any() for values in estimate.extra.values())
+
+
+TRUTH = ("full_state", "quadrotor_state")
+"""plug-ins that read the true state, which nothing is predicted for"""
+ABSENT = ("filtered_differences",)
+"""plug-ins without a model that predicts a reading"""
+
+
+def innovations_of(estimates: Sequence[Estimate]) -> tuple[Array, Array]:
+    """Published innovations (n, m) and their standard deviations (n, m)."""
+    nu, deviation = (np.array([each.extra[name] for each in estimates]) for name in (INNOVATIONS, INNOVATION_STD))
+    return nu, deviation
+
+
+def test_it_publishes_innovations_with_their_standard_deviations_or_neither(
+    flown: tuple[str, str], estimates: Sequence[Estimate], flight: list[Step]
+) -> None:
+    """Both arrays are of one shape and NaN alike; of readings that come with every second call or less often, NaN in
+    between.
+
+    Every estimator of mathnavi that reads numbers has them; a plug-in of somebody else may.
+    """
+    named = {name for name in (INNOVATIONS, INNOVATION_STD) if name in estimates[0].extra}
+    own = PLUGINS[flown[0]].value.startswith("mathnavi.") and flown[0] not in TRUTH
+    assert len(named) in ((2,) if own else (0, 2)), f"it publishes {named} alone"
+    if not named:
+        return
+    nu, deviation = innovations_of(estimates)
+    assert nu.ndim == 2
+    assert nu.shape == deviation.shape
+    np.testing.assert_array_equal(np.isnan(nu), np.isnan(deviation))
+    known = np.isfinite(nu)
+    assert (deviation[known] > 0.0).all()
+    assert np.isfinite(deviation[known]).all()
+    assert known.any() == (flown[0] not in ABSENT)
+    silent = np.array([not any(np.isfinite(each.value).any() for each in step.measurements) for step in flight])
+    assert not known[silent].any()
+
+
+def test_its_innovations_are_as_large_as_it_says(flown: tuple[str, str], estimates: Sequence[Estimate]) -> None:
+    """The mean of e^2, e = nu / std, is about 1 over the later three quarters of a flight on which all is as declared.
+
+    The mean of N squares of a Gaussian sequence with autocorrelation r_1 from one to the next has about the variance
+    2 / N', N' = N (1 - r_1^2) / (1 + r_1^2): one is asked to be within four of its deviations above 1. An observer with
+    constant gains forgets its start slowly, so that its N' is small. Below 1 there is no such limit, for a mission
+    declares what there may be: the bench that moves least does with a third of its declared speed.
+    """
+    if INNOVATIONS not in estimates[0].extra or flown[0] in ABSENT:
+        return
+    nu, deviation = innovations_of(estimates[len(estimates) // 4 :])
+    columns = [e[np.isfinite(e)] for e in (nu / deviation).T]
+    columns = [e for e in columns if len(e) > 2]
+    squares, products = (sum(float(each @ other) for each, other in pairs) for pairs in (
+        [(e, e) for e in columns], [(e[1:], e[:-1]) for e in columns]
+    ))  # fmt: skip
+    count, correlation = sum(map(len, columns)), min(max(products / squares, 0.0), 0.999)
+    independent = count * (1.0 - correlation**2) / (1.0 + correlation**2)
+    assert 0.05 < squares / count < 1.0 + 4.0 * math.sqrt(2.0 / independent)
 
 
 class Unhinted:

@@ -89,10 +89,14 @@ def test_weights_are_the_likelihoods_of_the_readings(curve: Curve, alpha: tuple[
     r = np.square(relative * h) + absolute**2
     p = (1.0 - epsilon) * np.exp(-0.5 * np.square(z - h) / r) / np.sqrt(2.0 * np.pi * r) + epsilon / longest
     likely = np.where(np.isnan(z), 1.0, p).prod(axis=1)
-    w, read = before.copy(), np.isfinite(z).sum()
+    w, read, tested = before.copy(), np.isfinite(z).sum(), np.zeros((2, len(z)))
     effective, mean = weigh(
-        x, w, z, curve.wall, RaySensors(rays_at(alpha), relative, absolute, math.inf, epsilon, longest)
+        x, w, z, curve.wall, RaySensors(rays_at(alpha), relative, absolute, math.inf, epsilon, longest), tested
     )
+    middle = before @ h
+    S = before @ (np.square(h - middle) + r)
+    np.testing.assert_allclose(tested[0], z - middle, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(tested[1], np.where(np.isnan(z), np.nan, np.sqrt(S)), rtol=1e-7)
     expected = before * likely / (before * likely).sum()
     assert 1.0 / np.square(expected).sum() > 4.0
     np.testing.assert_allclose(w, expected, rtol=1e-9, atol=1e-15)
@@ -108,7 +112,8 @@ def test_an_exact_reading_leaves_a_tenth_of_the_particles() -> None:
     x = around((0.5, 0.2, 0.3), 400, np.random.default_rng(0), 0.1)
     w = equal(x)
     z = FIELD.ranges(x[7, :3], np.zeros(1))[0]
-    effective, _ = weigh(x, w, z, FIELD.wall, RaySensors(rays_at([0.0]), 1e-4, 1e-4, math.inf, 1e-9, 7.0))
+    sensors = RaySensors(rays_at([0.0]), 1e-4, 1e-4, math.inf, 1e-9, 7.0)
+    effective, _ = weigh(x, w, z, FIELD.wall, sensors, np.zeros((2, 1)))
     assert 40.0 <= effective <= 200.0
     assert w.argmax() == 7
 

@@ -82,7 +82,9 @@ class InertialIekf:
 
     Config = InertialIekfConfig
 
-    def __init__(self, config: InertialIekfConfig, mission: QuadrotorMission) -> None:
+    def __init__(self, config: InertialIekfConfig, mission: QuadrotorMission, *, monitored: bool = True) -> None:
+        """Without being ``monitored`` its status says how old its readings are, and no more: to compare."""
+        self._monitored = monitored
         self.period = mission.control_period
         self._mission, self._counts, self._outlier_counter = mission, ReadingCounts(), OutlierCounter()
         self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.flight.position_rate)
@@ -182,8 +184,8 @@ class InertialIekf:
             **self._counts.extra,
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
-        integrity = self._monitor.status(t)
-        P *= self._monitor.inflation
+        integrity = self._monitor.status(t) if self._monitored else Status.OK
+        P *= self._monitor.inflation if self._monitored else 1.0
         status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
         return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or self._monitor.message)

@@ -33,7 +33,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.integrity.innovations import InnovationMonitor
+from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
+from mathnavi.estimators.integrity.repeats import Repeats
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
@@ -50,12 +51,14 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.linear_noise import discretised
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, VELOCITY
-from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
 from mathnavi.models.quaternion import rotation
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
+_UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
+_JUMPED = 30.0  # [s] until an estimate is OK again whose fixes have jumped: they may jump back
 
 
 @configuration
@@ -93,6 +96,10 @@ class InertialIekf:
         self._limit = float(chdtri(3, config.gate))
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
+        self._begun = self._jumped = -math.inf  # [s] when it began again, and when it did for a jump of the fixes
+        quality, noise = mission.inertial, mission.flight.position_noise
+        self._noisy = [(part, Repeats()) for part, std in _parts(quality) if std > 0.0]  # of an IMU's reading
+        self._same_fix = Repeats() if noise > 0.0 else None
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
@@ -184,11 +191,18 @@ class InertialIekf:
             **self._counts.extra,
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
-        integrity = self._monitor.status(t) if self._monitored else Status.OK
+        message, integrity = self._doubts(t) if self._monitored else ("", Status.OK)
         P *= self._monitor.inflation if self._monitored else 1.0
         status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
-        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or self._monitor.message)
+        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or message)
+
+    def _doubts(self, t: float) -> tuple[str, Status]:
+        """Message and status at t [s] as far as the fixes agree with the estimate."""
+        status = self._monitor.status(t)
+        if status is Status.OK and t - self._jumped < _JUMPED:
+            return "has fixes that have jumped, and may jump back", Status.DEGRADED
+        return self._monitor.message, status
 
     def _unused(self, reading: Measurement) -> Unused | None:
         """Reason why a reading is not used; None for one that is, or is judged by its innovation."""
@@ -196,7 +210,18 @@ class InertialIekf:
             return Unused.UNKNOWN_SENSOR
         if is_late(reading.t, self._strapdown.t):
             return Unused.LATE
-        return None if np.isfinite(reading.value).all() else Unused.NOT_FINITE
+        if not np.isfinite(reading.value).all():
+            return Unused.NOT_FINITE
+        return Unused.OUTLIER if self._is_stuck(reading) else None
+
+    def _is_stuck(self, reading: Measurement) -> bool:
+        """True for a reading of a sensor with noise that has read the same many times, or the half of an IMU has."""
+        if reading.name == "imu":
+            return any([same.is_stuck(reading.value[part]) for part, same in self._noisy])
+        if self._same_fix is None:
+            return False
+        self._monitor.note_value(reading.t, reading.value)
+        return self._same_fix.is_stuck(reading.value)
 
     def _coast(self, t: float, command: Array) -> None:
         """Propagate to t [s] without an IMU reading, by the declared motion under the command (4,) [N]."""
@@ -218,7 +243,12 @@ class InertialIekf:
         effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
         gust = self._mission.flight.gust
         variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
-        strapdown.carry(moved, A, variance * effect @ effect.T, dt)
+        noise = variance * effect @ effect.T
+        since, until = (at - strapdown.read for at in (strapdown.t, t))
+        turned = _deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
+        turned += _UNMODELLED_TURN**2 * (until**3 - since**3) / 3.0
+        noise[TURN, TURN] += turned * np.eye(3)
+        strapdown.carry(moved, A, noise, dt)
         strapdown.rate, strapdown.t = after[RATE].copy(), t
 
     def _stand(self, reading: Measurement, h: float) -> None:
@@ -232,11 +262,13 @@ class InertialIekf:
         """Condition on a fix; return NIS and its number of components, NaN if the fix was refused."""
         X = self._strapdown.X
         nu = X[:3, :3].T @ (reading.value - X[:3, 4])
+        self._monitor.note(reading.t, nu, self._H @ self._strapdown.P @ self._H.T + self._R, self._R)
         d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
-        self._monitor.note(reading.t, nu, self._H @ self._strapdown.P @ self._H.T + self._R, self._R)
-        if self._mission.flight.position_noise > 0.0:
-            self._monitor.note_value(reading.t, reading.value)
+        if agrees and self._monitor.ratio > 1.0:
+            self._strapdown.widen(self._monitor.inflation)
+            self._monitor.begin_again()
+            d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)
             return np.full(2, np.nan)
@@ -255,6 +287,11 @@ class InertialIekf:
         place since a fix agreed, by no more than the vehicle can fly both ways.
         """
         strapdown = self._strapdown
+        if reading.t - self._begun < LATCHED:  # the fixes go on as they began, so what the IMU reads may be wrong
+            strapdown.widen(self._monitor.inflation)
+            self._jumped = -math.inf
+        else:
+            self._jumped = reading.t
         elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
         off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)
         strapdown.X[:3, 4] = reading.value
@@ -263,7 +300,7 @@ class InertialIekf:
         P[PLACE, PLACE] = self._R
         P[SPEED, SPEED] += off**2 * np.eye(3)
         self._monitor.begin_again()
-        self._agreed = reading.t
+        self._agreed = self._begun = reading.t
 
 
 def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:
@@ -299,6 +336,11 @@ def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
             P[part], P[:, part] = 0.0, 0.0
             P[part, part] = stated**2 * np.eye(3)
     return P
+
+
+def _parts(quality: InertialQuality) -> tuple[tuple[slice, float], ...]:
+    """Components of an IMU's reading that one instrument reads, and their standard deviation."""
+    return (slice(0, 3), quality.gyro), (slice(3, 6), quality.accelerometer)
 
 
 def _deviations(mission: QuadrotorMission) -> tuple[float, float]:

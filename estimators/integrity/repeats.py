@@ -6,7 +6,8 @@ import numpy as np
 
 from mathnavi.interfaces.signals import Array
 
-_MOST = 5  # repetitions: seldom even where a reading is rounded to three and a half of its deviations
+STUCK = 5
+"""repetitions of a sensor that is stuck: seldom even where a reading is rounded to three and a half of its deviations"""
 
 
 class Repeats:
@@ -15,8 +16,8 @@ class Repeats:
     def __init__(self) -> None:
         self._y, self._count = np.empty(0), 0
 
-    def is_stuck(self, y: Array) -> bool:
-        """Take a reading y (m,); True if it and the ones before it are the same too many times."""
+    def take(self, y: Array) -> int:
+        """Take a reading y (m,), and return how many in a row before it were the same."""
         self._count = self._count + 1 if np.array_equal(y, self._y) else 0
         self._y = y.copy()
-        return self._count >= _MOST
+        return self._count

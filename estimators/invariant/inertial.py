@@ -34,7 +34,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
-from mathnavi.estimators.integrity.repeats import Repeats
+from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
@@ -58,7 +58,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
 _UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
-_JUMPED = 30.0  # [s] until an estimate is OK again whose fixes have jumped: they may jump back
+_DOUBTED = 30.0  # [s] until an estimate is OK again that goes on by fixes which disagreed: they may go back
 
 
 @configuration
@@ -96,7 +96,7 @@ class InertialIekf:
         self._limit = float(chdtri(3, config.gate))
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
-        self._begun = self._jumped = -math.inf  # [s] when it began again, and when it did for a jump of the fixes
+        self._begun = self._doubted = -math.inf  # [s] when it began again, and when fixes began to disagree
         quality, noise = mission.inertial, mission.flight.position_noise
         self._noisy = [(part, Repeats()) for part, std in _parts(quality) if std > 0.0]  # of an IMU's reading
         self._same_fix = Repeats() if noise > 0.0 else None
@@ -200,8 +200,8 @@ class InertialIekf:
     def _doubts(self, t: float) -> tuple[str, Status]:
         """Message and status at t [s] as far as the fixes agree with the estimate."""
         status = self._monitor.status(t)
-        if status is Status.OK and t - self._jumped < _JUMPED:
-            return "has fixes that have jumped, and may jump back", Status.DEGRADED
+        if status is Status.OK and t - self._doubted < _DOUBTED:
+            return "goes on by fixes that disagreed with it", Status.DEGRADED
         return self._monitor.message, status
 
     def _unused(self, reading: Measurement) -> Unused | None:
@@ -217,11 +217,11 @@ class InertialIekf:
     def _is_stuck(self, reading: Measurement) -> bool:
         """True for a reading of a sensor with noise that has read the same many times, or the half of an IMU has."""
         if reading.name == "imu":
-            return any([same.is_stuck(reading.value[part]) for part, same in self._noisy])
-        if self._same_fix is None:
-            return False
-        self._monitor.note_value(reading.t, reading.value)
-        return self._same_fix.is_stuck(reading.value)
+            return max((same.take(reading.value[part]) for part, same in self._noisy), default=0) >= STUCK
+        repeats = 0 if self._same_fix is None else self._same_fix.take(reading.value)
+        if repeats <= STUCK and self._same_fix is not None:  # the alarm is of those that were used
+            self._monitor.note_value(reading.t, reading.value)
+        return repeats >= STUCK
 
     def _coast(self, t: float, command: Array) -> None:
         """Propagate to t [s] without an IMU reading, by the declared motion under the command (4,) [N]."""
@@ -268,6 +268,8 @@ class InertialIekf:
         if agrees and self._monitor.ratio > 1.0:
             self._strapdown.widen(self._monitor.inflation)
             self._monitor.begin_again()
+            if reading.t - self._begun >= LATCHED:
+                self._doubted = reading.t
             d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)
@@ -289,9 +291,9 @@ class InertialIekf:
         strapdown = self._strapdown
         if reading.t - self._begun < LATCHED:  # the fixes go on as they began, so what the IMU reads may be wrong
             strapdown.widen(self._monitor.inflation)
-            self._jumped = -math.inf
+            self._doubted = -math.inf
         else:
-            self._jumped = reading.t
+            self._doubted = reading.t
         elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
         off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)
         strapdown.X[:3, 4] = reading.value

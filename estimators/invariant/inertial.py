@@ -58,7 +58,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
 _UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
-_DOUBTED = 30.0  # [s] until an estimate is OK again that goes on by fixes which disagreed: they may go back
+_DOUBTED = 30.0  # [s] at least until an estimate is OK again that goes on by fixes which disagreed: they may go back
 
 
 @configuration
@@ -96,7 +96,7 @@ class InertialIekf:
         self._limit = float(chdtri(3, config.gate))
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
-        self._begun = self._doubted = -math.inf  # [s] when it began again, and when fixes began to disagree
+        self._begun = self._doubted = -math.inf  # [s] when it began again, and when its fixes began to disagree
         quality, noise = mission.inertial, mission.flight.position_noise
         self._noisy = [(part, Repeats()) for part, std in _parts(quality) if std > 0.0]  # of an IMU's reading
         self._same_fix = Repeats() if noise > 0.0 else None
@@ -262,14 +262,15 @@ class InertialIekf:
         """Condition on a fix; return NIS and its number of components, NaN if the fix was refused."""
         X = self._strapdown.X
         nu = X[:3, :3].T @ (reading.value - X[:3, 4])
+        calm = self._doubts(reading.t)[1] is Status.OK
         self._monitor.note(reading.t, nu, self._H @ self._strapdown.P @ self._H.T + self._R, self._R)
+        if calm and self._monitor.status(reading.t) is not Status.OK:
+            self._doubted = reading.t
         d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
         if agrees and self._monitor.ratio > 1.0:
             self._strapdown.widen(self._monitor.inflation)
             self._monitor.begin_again()
-            if reading.t - self._begun >= LATCHED:
-                self._doubted = reading.t
             d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)
@@ -291,9 +292,6 @@ class InertialIekf:
         strapdown = self._strapdown
         if reading.t - self._begun < LATCHED:  # the fixes go on as they began, so what the IMU reads may be wrong
             strapdown.widen(self._monitor.inflation)
-            self._doubted = -math.inf
-        else:
-            self._doubted = reading.t
         elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
         off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)
         strapdown.X[:3, 4] = reading.value

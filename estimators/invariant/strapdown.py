@@ -28,7 +28,7 @@ WALK = 3600.0
 """time [s] in which a bias changes by its declared standard deviation"""
 
 _FARTHEST, _WIDEST = 1.0, 100.0  # [rad] deviation of an attitude of which little is known; largest factor of a variance
-_SHAKEN, _CALM = 10.0, 60.0  # [s] in which biases change that have changed, and in which they calm down
+_SHAKEN, _CALM = 10.0, 30.0  # [s] in which biases change that have changed, and in which they calm down
 
 _CHANGE = 0.5  # [s] in which a vehicle may change its acceleration and its rate of turn altogether
 _TURN_RATE = 1.0  # [rad/s]

@@ -7,7 +7,7 @@ import numpy as np
 from mathnavi.interfaces.signals import Array
 
 STUCK = 5
-"""repetitions of a sensor that is stuck: seldom even where a reading is rounded to three and a half of its deviations"""
+"""repetitions of a sensor that is stuck: seldom even where it is rounded to three and a half of its deviations"""
 
 
 class Repeats:

@@ -268,7 +268,7 @@ class InertialIekf:
             self._doubted = reading.t
         d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         agrees = nis <= self._limit
-        if agrees and self._monitor.ratio > 1.0:
+        if self._monitored and agrees and self._monitor.ratio > 1.0:
             self._strapdown.widen(self._monitor.inflation)
             self._monitor.begin_again()
             d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
@@ -290,7 +290,7 @@ class InertialIekf:
         place since a fix agreed, by no more than the vehicle can fly both ways.
         """
         strapdown = self._strapdown
-        if reading.t - self._begun < LATCHED:  # the fixes go on as they began, so what the IMU reads may be wrong
+        if self._monitored and reading.t - self._begun < LATCHED:  # the fixes go on as they began, so what the IMU reads may be wrong
             strapdown.widen(self._monitor.inflation)
         elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
         off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)

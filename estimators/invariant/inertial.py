@@ -15,8 +15,11 @@ While IMU readings are missing the estimate is propagated by the vehicle's decla
 declared gusts as its noise; without an input, as in a log of sensors alone, by the last reading, which is trusted less
 and less. After a gap that is longer than declared it is DEGRADED until it has converged again; without fixes it is
 LOST. Fixes that are off together make it DEGRADED or LOST (see ``integrity.innovations``); once many in a row
-contradict it, it goes on from their place. A rotation about the vertical shows in the fixes only while the vehicle
-accelerates sideways; the initial heading is the mission's.
+contradict it, it goes on from their place. An alarm does not say which sensor is wrong: the covariance becomes as much
+larger as the innovations are, that of the biases most (see ``Strapdown.widen``), and the estimate is not OK for 30 s.
+Gyro, accelerometer or fixes that repeat a reading which has noise are stuck, and left out as if they were silent. A
+rotation about the vertical shows in the fixes only while the vehicle accelerates sideways; the initial heading is the
+mission's.
 
 The IMU's biases are states where the mission declares their standard deviations. At rest, from the first reading until
 the vehicle moves, the gyro reads its own (see ``rest``). In flight the fixes show the gyro's bias about the horizontal
@@ -180,10 +183,11 @@ class InertialIekf:
         axes = np.zeros((6, len(strapdown.P)))
         axes[:3, PLACE], axes[3:, SPEED] = R, R
         P = axes @ strapdown.P @ axes.T
+        inflation = self._monitor.inflation if self._monitored else 1.0
         extra = {
             "attitude": quaternion(R),
             "rate": strapdown.rate.copy(),
-            "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
+            "attitude_deviation": np.sqrt(inflation * np.diag(strapdown.P)[TURN]),
             "nis": nis,
             "integrity": np.array([self._monitor.ratio]),
             "bias": strapdown.bias.copy(),
@@ -192,7 +196,7 @@ class InertialIekf:
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
         message, integrity = self._doubts(t) if self._monitored else ("", Status.OK)
-        P *= self._monitor.inflation if self._monitored else 1.0
+        P *= inflation
         status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
         return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or message)
@@ -290,7 +294,7 @@ class InertialIekf:
         place since a fix agreed, by no more than the vehicle can fly both ways.
         """
         strapdown = self._strapdown
-        if self._monitored and reading.t - self._begun < LATCHED:  # the fixes go on as they began, so what the IMU reads may be wrong
+        if self._monitored and reading.t - self._begun < LATCHED:  # the IMU may be wrong rather than the place
             strapdown.widen(self._monitor.inflation)
         elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
         off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)

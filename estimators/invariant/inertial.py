@@ -100,9 +100,8 @@ class InertialIekf:
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
         self._begun = self._doubted = -math.inf  # [s] when it began again, and when its fixes began to disagree
-        quality, noise = mission.inertial, mission.flight.position_noise
-        self._noisy = [(part, Repeats()) for part, std in _parts(quality) if std > 0.0]  # of an IMU's reading
-        self._same_fix = Repeats() if noise > 0.0 else None
+        self._noisy = [(part, Repeats()) for part, std in _parts(mission.inertial) if std > 0.0]  # of an IMU's reading
+        self._same_fix = Repeats() if mission.flight.position_noise > 0.0 else None
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
@@ -249,9 +248,9 @@ class InertialIekf:
         variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
         noise = variance * effect @ effect.T
         since, until = (at - strapdown.read for at in (strapdown.t, t))
-        turned = _deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
-        turned += _UNMODELLED_TURN**2 * (until**3 - since**3) / 3.0
-        noise[TURN, TURN] += turned * np.eye(3)
+        wandered = _deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
+        wandered += _UNMODELLED_TURN**2 * (until**3 - since**3) / 3.0
+        noise[TURN, TURN] += wandered * np.eye(3)
         strapdown.carry(moved, A, noise, dt)
         strapdown.rate, strapdown.t = after[RATE].copy(), t
 

@@ -150,7 +150,7 @@ FAULTS: dict[str, Fault] = {
 def flown(rng: np.random.Generator, mission: QuadrotorMission, fault: str) -> ImuFlight:
     """A flight whose readings have no fault: it is ``fault`` that is carried away at ONSET, or begins elsewhere."""
     n = round(DURATION / PERIOD)
-    t = PERIOD * np.arange(n + 2)  # a period ahead of the first update, and behind the last
+    t: Array = PERIOD * np.arange(n + 2, dtype=np.float64)  # a period ahead of the first update, and behind the last
     place, velocity, acceleration = _swing(t, rng)
     gust = _gusts(t, rng)
     place += mission.start_state[:3]

@@ -1,4 +1,4 @@
-"""A quadrotor by an IMU that fails, or by fixes that do: what the filter knows of its state, and when it is OK again."""
+"""A quadrotor by an IMU or fixes that fail: what the filter knows of its state, and when it is OK again."""
 
 from __future__ import annotations
 

@@ -82,11 +82,11 @@ def judged(
     first, before = np.flatnonzero(found[later]), ~ok[round(timing.settled / period) : onset]
     return Outcome(
         position=wrong[0][later].mean().item(),
-        rest=wrong[1:].any(axis=0)[later].mean().item(),
+        rest=wrong[1:, later].any(axis=0).mean().item(),
         false=before.mean().item() if len(before) else 0.0,
         detected=period * float(missing[0]) if len(missing) else math.nan,
         recovered=period * max(0, whole - end) if whole <= settled else math.nan,
-        judged=np.where(found, wrong, beyond).any(axis=0)[later].mean().item(),
+        judged=np.where(found, wrong, beyond)[:, later].any(axis=0).mean().item(),
         kept=(errors <= level)[sure].all(axis=1).mean().item() if len(sure) else math.nan,
         level=float(np.median(level[sure, 0])) if len(sure) else math.nan,
         findable=period * float(first[0]) if len(first) else math.nan,

@@ -51,7 +51,6 @@ def test_an_attitude_that_no_gyro_reads_is_as_unknown_as_it_says(fault: str) -> 
     assert ok[t < ONSET].all()
     assert not ok[(t > ONSET + 0.7) & (t < ONSET + 3.0)].any()
     assert (ratios[t > ONSET, 2] < 4.5).all()
-    assert (ratios[t > ONSET + 1.0, 2] < 3.0).all()
 
 
 @pytest.mark.parametrize("fault", ["gyro bias 0.01 rad/s", "accelerometer bias 0.3 m/s^2"])

@@ -15,8 +15,11 @@ While IMU readings are missing the estimate is propagated by the vehicle's decla
 declared gusts as its noise; without an input, as in a log of sensors alone, by the last reading, which is trusted less
 and less. After a gap that is longer than declared it is DEGRADED until it has converged again; without fixes it is
 LOST. Fixes that are off together make it DEGRADED or LOST (see ``integrity.innovations``); once many in a row
-contradict it, it goes on from their place. A rotation about the vertical shows in the fixes only while the vehicle
-accelerates sideways; the initial heading is the mission's.
+contradict it, it goes on from their place. An alarm does not say which sensor is wrong: the covariance becomes as much
+larger as the innovations are, that of the biases most (see ``Strapdown.widen``), and the estimate is not OK for 30 s.
+Gyro, accelerometer or fixes that repeat a reading which has noise are stuck, and left out as if they were silent. A
+rotation about the vertical shows in the fixes only while the vehicle accelerates sideways; the initial heading is the
+mission's.
 
 The IMU's biases are states where the mission declares their standard deviations. At rest, from the first reading until
 the vehicle moves, the gyro reads its own (see ``rest``). In flight the fixes show the gyro's bias about the horizontal
@@ -33,7 +36,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.integrity.innovations import InnovationMonitor
+from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
+from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
@@ -51,12 +55,14 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.linear_noise import discretised
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, VELOCITY
-from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
 from mathnavi.models.quaternion import rotation
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
+_UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
+_DOUBTED = 30.0  # [s] at least until an estimate is OK again that goes on by fixes which disagreed: they may go back
 
 
 @configuration
@@ -83,7 +89,9 @@ class InertialIekf:
 
     Config = InertialIekfConfig
 
-    def __init__(self, config: InertialIekfConfig, mission: QuadrotorMission) -> None:
+    def __init__(self, config: InertialIekfConfig, mission: QuadrotorMission, *, monitored: bool = True) -> None:
+        """Without being ``monitored`` its status says how old its readings are, and no more: to compare."""
+        self._monitored = monitored
         self.period = mission.control_period
         self._mission, self._counts, self._outlier_counter = mission, ReadingCounts(), OutlierCounter()
         self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.flight.position_rate)
@@ -92,6 +100,9 @@ class InertialIekf:
         self._limit = float(chdtri(3, config.gate))
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
+        self._begun = self._doubted = -math.inf  # [s] when it began again, and when its fixes began to disagree
+        self._noisy = [(part, Repeats()) for part, std in _parts(mission.inertial) if std > 0.0]  # of an IMU's reading
+        self._same_fix = Repeats() if mission.flight.position_noise > 0.0 else None
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
@@ -175,10 +186,11 @@ class InertialIekf:
         axes = np.zeros((6, len(strapdown.P)))
         axes[:3, PLACE], axes[3:, SPEED] = R, R
         P = axes @ strapdown.P @ axes.T
+        inflation = self._monitor.inflation if self._monitored else 1.0
         extra = {
             "attitude": quaternion(R),
             "rate": strapdown.rate.copy(),
-            "attitude_deviation": np.sqrt(np.diag(strapdown.P)[TURN]),
+            "attitude_deviation": np.sqrt(inflation * np.diag(strapdown.P)[TURN]),
             "nis": nis,
             **published(self._innovations),
             "integrity": np.array([self._monitor.ratio]),
@@ -187,11 +199,18 @@ class InertialIekf:
             **self._counts.extra,
         }
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
-        integrity = self._monitor.status(t)
-        P *= self._monitor.inflation
+        message, integrity = self._doubts(t) if self._monitored else ("", Status.OK)
+        P *= inflation
         status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
-        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or self._monitor.message)
+        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or message)
+
+    def _doubts(self, t: float) -> tuple[str, Status]:
+        """Message and status at t [s] as far as the fixes agree with the estimate."""
+        status = self._monitor.status(t)
+        if status is Status.OK and t - self._doubted < _DOUBTED:
+            return "goes on by fixes that disagreed with it", Status.DEGRADED
+        return self._monitor.message, status
 
     def _unused(self, reading: Measurement) -> Unused | None:
         """Reason why a reading is not used; None for one that is, or is judged by its innovation."""
@@ -199,7 +218,18 @@ class InertialIekf:
             return Unused.UNKNOWN_SENSOR
         if is_late(reading.t, self._strapdown.t):
             return Unused.LATE
-        return None if np.isfinite(reading.value).all() else Unused.NOT_FINITE
+        if not np.isfinite(reading.value).all():
+            return Unused.NOT_FINITE
+        return Unused.OUTLIER if self._is_stuck(reading) else None
+
+    def _is_stuck(self, reading: Measurement) -> bool:
+        """True for a reading of a sensor with noise that has read the same many times, or the half of an IMU has."""
+        if reading.name == "imu":
+            return max((same.take(reading.value[part]) for part, same in self._noisy), default=0) >= STUCK
+        repeats = 0 if self._same_fix is None else self._same_fix.take(reading.value)
+        if repeats <= STUCK and self._same_fix is not None:  # the alarm is of those that were used
+            self._monitor.note_value(reading.t, reading.value)
+        return repeats >= STUCK
 
     def _coast(self, t: float, command: Array) -> None:
         """Propagate to t [s] without an IMU reading, by the declared motion under the command (4,) [N]."""
@@ -221,7 +251,12 @@ class InertialIekf:
         effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
         gust = self._mission.flight.gust
         variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
-        strapdown.carry(moved, A, variance * effect @ effect.T, dt)
+        noise = variance * effect @ effect.T
+        since, until = (at - strapdown.read for at in (strapdown.t, t))
+        wandered = _deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
+        wandered += _UNMODELLED_TURN**2 * (until**3 - since**3) / 3.0
+        noise[TURN, TURN] += wandered * np.eye(3)
+        strapdown.carry(moved, A, noise, dt)
         strapdown.rate, strapdown.t = after[RATE].copy(), t
 
     def _stand(self, reading: Measurement, h: float) -> None:
@@ -236,14 +271,19 @@ class InertialIekf:
         X = self._strapdown.X
         off = reading.value - X[:3, 4]
         nu = X[:3, :3].T @ off
-        d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
-        agrees = nis <= self._limit
+        calm = self._doubts(reading.t)[1] is Status.OK
         S = self._H @ self._strapdown.P @ self._H.T + self._R
         R = X[:3, :3]  # from the body's axes, in which S is, to those of a fix
         self._innovations[0], self._innovations[1] = off, np.sqrt((R @ S @ R.T).diagonal())
         self._monitor.note(reading.t, nu, S, self._R)
-        if self._mission.flight.position_noise > 0.0:
-            self._monitor.note_value(reading.t, reading.value)
+        if calm and self._monitor.status(reading.t) is not Status.OK:
+            self._doubted = reading.t
+        d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
+        agrees = nis <= self._limit
+        if self._monitored and agrees and self._monitor.ratio > 1.0:
+            self._strapdown.widen(self._monitor.inflation)
+            self._monitor.begin_again()
+            d, P, nis = condition(self._strapdown.P, self._H, nu, self._R)
         if not self._outlier_counter.admits(agrees):
             self._counts.add(Unused.OUTLIER)
             return np.full(2, np.nan)
@@ -262,6 +302,8 @@ class InertialIekf:
         place since a fix agreed, by no more than the vehicle can fly both ways.
         """
         strapdown = self._strapdown
+        if self._monitored and reading.t - self._begun < LATCHED:  # the IMU may be wrong rather than the place
+            strapdown.widen(self._monitor.inflation)
         elapsed = max(reading.t - self._agreed, 1.0 / self._mission.flight.position_rate)
         off = min(float(np.linalg.norm(nu)) / elapsed, 2.0 * self._mission.flight.speed_max)
         strapdown.X[:3, 4] = reading.value
@@ -270,7 +312,7 @@ class InertialIekf:
         P[PLACE, PLACE] = self._R
         P[SPEED, SPEED] += off**2 * np.eye(3)
         self._monitor.begin_again()
-        self._agreed = reading.t
+        self._agreed = self._begun = reading.t
 
 
 def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:
@@ -306,6 +348,11 @@ def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
             P[part], P[:, part] = 0.0, 0.0
             P[part, part] = stated**2 * np.eye(3)
     return P
+
+
+def _parts(quality: InertialQuality) -> tuple[tuple[slice, float], ...]:
+    """Components of an IMU's reading that one instrument reads, and their standard deviation."""
+    return (slice(0, 3), quality.gyro), (slice(3, 6), quality.accelerometer)
 
 
 def _deviations(mission: QuadrotorMission) -> tuple[float, float]:

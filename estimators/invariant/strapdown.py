@@ -27,6 +27,9 @@ BIAS = slice(9, 15)
 WALK = 3600.0
 """time [s] in which a bias changes by its declared standard deviation"""
 
+_FARTHEST, _WIDEST = 1.0, 100.0  # [rad] deviation of an attitude of which little is known; largest factor of a variance
+_SHAKEN, _CALM = 10.0, 30.0  # [s] in which biases change that have changed, and in which they calm down
+
 _CHANGE = 0.5  # [s] in which a vehicle may change its acceleration and its rate of turn altogether
 _TURN_RATE = 1.0  # [rad/s]
 _PIECE, _MOST_PIECES = 0.1, 100  # [s] over which a reading is held at once, but not in an endless gap
@@ -55,13 +58,14 @@ class Strapdown:
         """
         self.bias = np.zeros(6)  # [rad/s, m/s^2]
         self._walk = np.repeat(np.square(biases), 3) / WALK if any(biases) else np.empty(0)
+        self._shaken = np.zeros_like(self._walk)  # what biases that have changed go on changing by, as ``_walk``
         self.X, self.P, self.rate = X, P, rate.copy()
         if any(biases):
             self.P = np.zeros((15, 15))
             self.P[:9, :9], self.P[BIAS, BIAS] = P, np.diag(np.repeat(np.square(biases), 3))
         self.t: float | None = None  # [s] of X; None before the first call
         self._force: Array | None = None  # (3,) [m/s^2] of the last reading
-        self._read = 0.0  # [s] of it
+        self.read = 0.0  # [s] of it
         self._gravity = gravity
         self._variances = np.repeat(np.square(trusted(deviations)), 3)
 
@@ -69,7 +73,7 @@ class Strapdown:
         """Propagate to t [s] by a reading (6,) of the IMU there; the first one only sets the time and the rate."""
         gyro, force = reading[:3] - self.bias[:3], reading[3:] - self.bias[3:]
         dt, rate = 0.0 if self.t is None else t - self.t, 0.5 * (self.rate + gyro)
-        self.t, self.rate, self._force, self._read = t, gyro.copy(), force.copy(), t
+        self.t, self.rate, self._force, self.read = t, gyro.copy(), force.copy(), t
         if dt > TIME_TOLERANCE:
             self._move(rate, force, dt, self._variances)
 
@@ -85,7 +89,7 @@ class Strapdown:
         pieces = min(math.ceil(ahead / _PIECE - TIME_TOLERANCE), _MOST_PIECES)  # which vary on their own
         for k in range(pieces):
             end = t if k + 1 == pieces else begin + (k + 1) * ahead / pieces
-            dt, since, until = end - self.t, self.t - self._read, end - self._read
+            dt, since, until = end - self.t, self.t - self.read, end - self.read
             # Of the velocity that a walk of intensity q gathers, in the mean over dt: q (until^3 - since^3) / (3 dt^2).
             walked = (until**3 - since**3) / (3.0 * dt * dt * _CHANGE)
             changed = walked * np.repeat((_TURN_RATE**2, acceleration_max**2), 3)
@@ -109,7 +113,8 @@ class Strapdown:
         if self._walk.size:
             effect = np.zeros((9, 6)) if G is None else G
             A, own = np.block([[A, -effect], [np.zeros((6, 9)), np.eye(6)]]), noise
-            noise = np.diag(np.concatenate([np.zeros(9), dt * self._walk]))
+            noise = np.diag(np.concatenate([np.zeros(9), dt * (self._walk + self._shaken)]))
+            self._shaken *= math.exp(-dt / _CALM)
             noise[:9, :9] = own
         self.X, self.P = moved, A @ self.P @ A.T + noise
 
@@ -119,6 +124,26 @@ class Strapdown:
         if self._walk.size:
             self.bias = self.bias + d[BIAS]
             self.rate = self.rate - d[BIAS][:3]
+
+    def widen(self, factor: float) -> None:
+        """Multiply the covariance by a ``factor`` >= 1 that readings show: the IMU may have come to read otherwise.
+
+        Its biases are as unknown as that many times their declared variance, and go on changing by as much in
+        ``_SHAKEN``, less and less. The attitude is no more unknown than ``_FARTHEST``.
+        """
+        factor = min(factor, _WIDEST)
+        variances = self.P.diagonal()
+        scale = np.full(len(variances), math.sqrt(factor))
+        scale[TURN] = max(1.0, min(scale[0], _FARTHEST / math.sqrt(variances[TURN].max())))
+        declared = WALK * self._walk
+        if self._walk.size:
+            known = np.maximum(variances[BIAS], 1e-30)  # one of the two may be declared to be exact
+            scale[BIAS] = np.clip(np.sqrt(_WIDEST * declared / known), 1.0, scale[0])
+        self.P = scale[:, None] * self.P * scale
+        if self._walk.size:
+            at = np.arange(BIAS.start, BIAS.stop)
+            self.P[at, at] = np.maximum(self.P[at, at], factor * declared)
+            self._shaken = np.maximum(self._shaken, factor * declared / _SHAKEN)
 
     @property
     def has_biases(self) -> bool:

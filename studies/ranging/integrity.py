@@ -3,7 +3,8 @@
 A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
-(``beacon_integrity``), and a point mass flies by fixes and among beacons (``flight_integrity``).
+(``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), and a quadrotor by an IMU
+and fixes (``inertial_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -36,7 +37,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
-from mathnavi.studies.ranging import beacon_integrity, flight_integrity
+from mathnavi.studies.ranging import beacon_integrity, flight_integrity, inertial_integrity
 from mathnavi.studies.ranging.integrity_detection import findable
 from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, Watched, judged
 
@@ -69,7 +70,7 @@ FINDING = ("feasible_set_bank", "range_certified")  # estimators that are not to
 ESTIMATORS = (
     "range_ekf", "feasible_set_bank", "range_ukf", "range_iekf", "range_certified", "moving_horizon", "range_particle",
 )  # fmt: skip
-ALL = (*ESTIMATORS, beacon_integrity.ESTIMATOR, *flight_integrity.ESTIMATORS)
+ALL = (*ESTIMATORS, beacon_integrity.ESTIMATOR, *flight_integrity.ESTIMATORS, inertial_integrity.ESTIMATOR)
 MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
 COLOURS = {True: "#0d5fa8", False: "#c2183b"}
 
@@ -207,6 +208,8 @@ def _part(estimator: str) -> tuple[str, Iterable[str], Callable[[Watched], Outco
     if estimator in flight_integrity.ESTIMATORS:
         where = f", a flight by {estimator.split(', ')[1]}"
         return where, flight_integrity.faults_of(estimator), flight_integrity.watched
+    if estimator == inertial_integrity.ESTIMATOR:
+        return ", a quadrotor by an IMU and fixes", inertial_integrity.FAULTS, inertial_integrity.watched
     return "", FAULTS, watched
 
 
@@ -252,8 +255,13 @@ class Integrity:
                 f"{flight_integrity.GUSTS.rms:g} m/s^2 read fixes of {flight_integrity.FIX_NOISE:g} m, or ranges of "
                 f"{flight_integrity.RANGE_NOISE:g} m to {len(flight_integrity.PLACES)} beacons, ten times a second, "
                 f"the fault from {flight_integrity.ONSET:g} to {flight_integrity.END:g} s; by fixes alone there is no "
-                f"protection level. The first {min(config.alone, config.seeds)} runs of each are also made without "
-                "the monitor.",
+                f"protection level, nor is there one by an IMU and fixes: a quadrotor that swings and turns for "
+                f"{inertial_integrity.DURATION:g} s reads its IMU {1.0 / inertial_integrity.PERIOD:g} times a second, "
+                f"with deviations of {inertial_integrity.IMU.gyro:g} rad/s and "
+                f"{inertial_integrity.IMU.accelerometer:g} m/s^2, and fixes of {inertial_integrity.FIX_NOISE:g} m "
+                f"every {inertial_integrity.EVERY * inertial_integrity.PERIOD:g} s, the fault from "
+                f"{inertial_integrity.ONSET:g} to {inertial_integrity.END:g} s. The first "
+                f"{min(config.alone, config.seeds)} runs of each are also made without the monitor.",
             ),
             rows=rows,
             tables=[
@@ -279,7 +287,7 @@ class Cell:
         self.with_, self.without = ([row for row in chosen if row["monitored"] is each] for each in (True, False))
 
     def wrong(self, monitored: bool = True) -> float:
-        """The larger share, of position and of heading or velocity, that is sure and wrong."""
+        """The larger share, of position and of heading, velocity or attitude, that is sure and wrong."""
         rows = self.with_ if monitored else self.without
         return max(float(np.mean([row[name] for row in rows])) for name in ("position", "rest"))
 
@@ -384,7 +392,8 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
             "integrity.recovers", "target", "An estimator is right again once its sensors are.", "C.4",
             f"OK and right for good within {DURATION - END:g} s, among beacons "
             f"{beacon_integrity.DURATION - beacon_integrity.END:g} s, in flight "
-            f"{flight_integrity.DURATION - flight_integrity.END:g} s: "
+            f"{flight_integrity.DURATION - flight_integrity.END:g} s, by an IMU "
+            f"{inertial_integrity.DURATION - inertial_integrity.END:g} s: "
             f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault",
             f"{len(cells) - len(lost)} of {len(cells)}"
             + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.excess import chances, factor_of
+from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.integrity.windows import ENERGY, MEAN, QUIET, Thresholds, Windows
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -34,7 +35,6 @@ LATCHED = 20.0
 _FOUND = 5.0  # [s] likewise, until it is no longer lost
 _GAP = 2.1  # intervals between two readings, of which one is missing, with some jitter
 _CHANCE, _IN_A_ROW = 1e-9, 4
-_STUCK = 5  # repetitions of a reading: seldom even where it is rounded to three and a half of its deviations
 _WORDS = {MEAN: "their mean", ENERGY: "their spread"}
 
 
@@ -55,7 +55,7 @@ class InnovationMonitor:
         self._alarmed = self._lost = -math.inf  # [s] last time, later by the gaps since
         self._recent = -math.inf  # [s] last alarm of the shorter windows
         self._interval, self._t = interval, -math.inf  # [s] between readings; [s] of the newest
-        self._y, self._repeats = np.full(components, np.nan), 0
+        self._repeats = Repeats()
         self.inflation = 1.0
         """factor >= 1 of the covariance of the estimate"""
         self.ratio = 0.0
@@ -108,11 +108,9 @@ class InnovationMonitor:
 
     def note_value(self, t: float, y: Array) -> None:
         """Test a reading y (m,) of t [s], of a sensor with noise: it does not read the same again and again."""
-        self._repeats = self._repeats + 1 if np.array_equal(y, self._y) else 0
-        self._y = y.copy()
-        if self._repeats >= _STUCK:
+        if (repeats := self._repeats.take(y)) >= STUCK:
             self._alarmed = t
-            self.message = f"has read the same {self._what} {self._repeats + 1} times"
+            self.message = f"has read the same {self._what} {repeats + 1} times"
 
     def note_state(self, t: float, square: float, what: str) -> None:
         """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with

@@ -36,6 +36,10 @@ UNSURE = (0.3, 0.3, 0.1)  # [m, m, rad] of the start
 SPEED, TURN, AREA = 1.2, 0.6, 25.0  # [m/s], [rad/s]; [m] half the side of the square of places to drive to
 CARRIED, LATE = 8.0, 0.5  # [m], [s]
 AWAY = "carried away 8 m"
+SETTING = (
+    f"{ESTIMATOR} drives for {DURATION:g} s among {len(PLACES)} beacons, one of which is read every "
+    f"{EVERY * PERIOD:g} s with a deviation of {NOISE:g} m, the fault from {ONSET:g} to {END:g} s."
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,13 @@ BLOCKS = (slice(0, 3), slice(3, 6))
 """of a state: position and velocity"""
 MOVED, LATE = 50.0, 0.5  # [m], [s]
 AWAY, GUSTY, NOISY = "moved 50 m", "gusts times 3", "noise times 3"
+INSEPARABLE = ESTIMATORS[:2]
+"""estimators whose monitor is a part of them"""
+SETTING = (
+    f"Flights of {DURATION:g} s under gusts of {GUSTS.rms:g} m/s^2 read fixes of {FIX_NOISE:g} m, or ranges of "
+    f"{RANGE_NOISE:g} m to {len(PLACES)} beacons, ten times a second, the fault from {ONSET:g} to {END:g} s; by fixes "
+    "alone there is no protection level."
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,6 +44,11 @@ BLOCKS = (slice(0, 3), slice(3, 6), slice(6, 9))
 """of a state: position, velocity and attitude"""
 MOVED, FAR, LATE, SILENT = 20.0, 20.0, 0.5, 3.0  # [m], [m], [s], [s]
 AWAY, FAR_START, NOISY = "carried away 20 m", "first fix 20 m off the start", "noise of fixes times 3"
+SETTING = (
+    f"Nor is there one by an IMU and fixes: a quadrotor that swings and turns for {DURATION:g} s reads its IMU "
+    f"{1.0 / PERIOD:g} times a second, with deviations of {IMU.gyro:g} rad/s and {IMU.accelerometer:g} m/s^2, and "
+    f"fixes of {FIX_NOISE:g} m every {EVERY * PERIOD:g} s, the fault from {ONSET:g} to {END:g} s."
+)
 
 
 @dataclass(frozen=True, eq=False)

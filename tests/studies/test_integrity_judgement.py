@@ -10,7 +10,9 @@ import pytest
 
 from mathnavi.interfaces.signals import Estimate, Measurement, Status
 from mathnavi.models.unicycle.quality import KnownStart
-from mathnavi.studies.ranging.integrity import (
+from mathnavi.studies.ranging.integrity_detection import findable
+from mathnavi.studies.ranging.integrity_judging import Timing, judged
+from mathnavi.studies.ranging.pose_integrity import (
     DURATION,
     END,
     ONSET,
@@ -22,8 +24,6 @@ from mathnavi.studies.ranging.integrity import (
     _updates,
     driven,
 )
-from mathnavi.studies.ranging.integrity_detection import findable
-from mathnavi.studies.ranging.integrity_judging import Timing, judged
 
 ONE, LAST = round(ONSET / PERIOD), round(END / PERIOD)
 DURING = slice(ONE, LAST)

@@ -20,8 +20,8 @@ from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.plugin.registry import load
-from mathnavi.studies.ranging.integrity import watched
 from mathnavi.studies.ranging.integrity_judging import Watched
+from mathnavi.studies.ranging.pose_integrity import watched
 
 PERIOD, NOISE, ODOMETRY = 0.02, 0.02, (0.02, 0.02)
 WALL = mn.wall_through([(0.0, 0.0), (4.0, -0.2), (4.6, 2.0), (2.4, 3.2), (0.2, 2.4)], order=8)

@@ -24,7 +24,8 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.metrics.sure_and_wrong import sure_and_wrong
-from mathnavi.studies.ranging.integrity import END, FAULTS, FIRST_SEED, ONSET, PERIOD, _mission, _updates, driven
+from mathnavi.studies.ranging.integrity import FIRST_SEED
+from mathnavi.studies.ranging.pose_integrity import END, FAULTS, ONSET, PERIOD, _mission, _updates, driven
 from tests.estimators.beacons.flights import FOUR, SIX, Flown, flight
 
 CONFIG = KalmanConfig()

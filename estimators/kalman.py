@@ -17,8 +17,8 @@ The filter watches the normalised innovations nu' S^-1 nu of its fixes, chi-squa
 gusts and noise are what the mission declares. A very unlikely fix is an outlier and is not used, unless many follow
 each other: then the filter is wrong. If the last fixes together are unlikely, the gusts or the noise are stronger than
 declared, or the fixes are not of their time: the estimate is DEGRADED, or LOST, and its covariance is that of the
-filter, scaled up accordingly (see ``integrity.innovations``). It stays DEGRADED while the fixes may be late
-(``flight_lateness``).
+filter, scaled up accordingly (see ``integrity.innovations``). It stays DEGRADED while the fixes may be late,
+and after any other leap of them its covariance covers both places (``flight_leaps``).
 
 Of a mission with beacons it reads ranges to them instead, or both (``beacons.flight``), and finds the places of those
 at unknown places (``beacons.flight_places``).
@@ -34,7 +34,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.flight_lateness import FixRows, Lateness
+from mathnavi.estimators.flight_leaps import FixRows, Leaps
 from mathnavi.estimators.flight_model import OF_BEACONS, AxisModel, KalmanConfig, as_stated
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
@@ -71,7 +71,7 @@ class Kalman:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._monitor = InnovationMonitor("fixes", _AXES, 1.0 / mission.position_rate)
         self._noisy = mission.position_noise > 0.0
-        self._lateness = Lateness(self._model, FixRows(self._R))
+        self._leaps = Leaps(self._model, FixRows(self._R))
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
         self._innovations = np.full((2, _AXES), np.nan)  # of the last fix, and their deviations
@@ -163,11 +163,13 @@ class Kalman:
                 self._counts.add(Unused.LATE)
             else:
                 self._predict(fix.t, command)
-                self._lateness.step(fix.t, command, fix.value)
+                self._leaps.step(fix.t, command, fix.value)
                 self._condition(fix)
         self._predict(t, command)
         integrity, message = self._doubted(t, command)
-        x, covariance = self._x, self._covariance()
+        x, covariance, leapt = self._x, self._covariance(), self._leaps.covariance
+        if leapt is not None:
+            covariance[:3, :3] += leapt
         extra = {
             "gust": x[2].copy(),
             "integrity": np.array([self._monitor.ratio]),
@@ -179,10 +181,10 @@ class Kalman:
 
     def _doubted(self, t: float, command: Array) -> tuple[Status, str]:
         """Status at t [s] as far as fixes agree, and are not late, and why."""
-        self._lateness.follow(t, command, None, lambda: self.moments, alarming=self._monitor.alarming)
+        self._leaps.follow(t, command, None, lambda: self.moments, alarming=self._monitor.alarming)
         status = self._monitor.status(t)
-        if status is Status.OK and self._lateness.tau > 0.0:
-            return Status.DEGRADED, self._lateness.message("fixes")
+        if status is Status.OK and self._leaps.tau > 0.0:
+            return Status.DEGRADED, self._leaps.message("fixes")
         return status, self._monitor.message
 
     @property

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 import numpy as np
 from annotated_types import Interval
 
-from mathnavi.estimators.flight_lateness import FixRows, Lateness
+from mathnavi.estimators.flight_leaps import FixRows, Leaps
 from mathnavi.estimators.flight_model import AxisModel, KalmanConfig
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.kalman import Kalman
@@ -92,10 +92,10 @@ class MovingHorizonEstimator:
         self._errors: ReadingErrors | None = getattr(model, "reading_errors", None)  # of positions
         self._noisy = isinstance(mission, FlightMission) and mission.position_noise > 0.0
         self._monitor: InnovationMonitor | None = None  # a robot that reads ranges has one for each of them
-        self._lateness: Lateness | None = None  # of a flight
+        self._leaps: Leaps | None = None  # of a flight
         if isinstance(mission, FlightMission):
             axis = AxisModel.from_config(KalmanConfig(), mission)
-            self._lateness = Lateness(axis, FixRows(axis.fix_std**2))
+            self._leaps = Leaps(axis, FixRows(axis.fix_std**2))
         if isinstance(mission, MissileMission | FlightMission):
             what = "fixes" if isinstance(mission, FlightMission) else "readings"
             self._monitor = InnovationMonitor(what, model.rows, interval)
@@ -227,11 +227,14 @@ class MovingHorizonEstimator:
             status, extra["integrity"] = worst(status, self._monitor.status(t)), np.array([self._monitor.ratio])
             covariance = None if covariance is None else self._monitor.inflation * covariance
             message = message or self._monitor.message
-        if self._lateness is not None and self._monitor is not None:
+        if self._leaps is not None and self._monitor is not None:
             state = (self._unknown, P) if horizon.started else None
-            self._lateness.follow(t, command, None, lambda: state, alarming=self._monitor.alarming)
-            if status is Status.OK and self._lateness.tau > 0.0:
-                status, message = Status.DEGRADED, self._lateness.message("fixes")
+            self._leaps.follow(t, command, None, lambda: state, alarming=self._monitor.alarming)
+            if status is Status.OK and self._leaps.tau > 0.0:
+                status, message = Status.DEGRADED, self._leaps.message("fixes")
+            if covariance is not None and (leapt := self._leaps.covariance) is not None:
+                covariance = covariance.copy()
+                covariance[:3, :3] += leapt
         estimate = Estimate(t, x, covariance, status, extra, message)
         if self._errors is not None:
             estimate = self._errors.doubted(estimate)
@@ -252,8 +255,8 @@ class MovingHorizonEstimator:
                 self._monitor.note(stage.t, predicted.r, predicted.S, np.eye(len(predicted.r)))
                 if self._noisy:
                     self._monitor.note_value(stage.t, y)
-                if self._lateness is not None:
-                    self._lateness.step(stage.t, command, y)
+                if self._leaps is not None:
+                    self._leaps.step(stage.t, command, y)
 
     def _keep_innovations(self, predicted: Predicted) -> None:
         noise = self._model.noise(predicted.x, predicted.y)

@@ -48,7 +48,7 @@ from mathnavi.estimators.beacons.flight_quality import axis_model, beacons_of, s
 from mathnavi.estimators.beacons.flight_separation import FlightSeparation
 from mathnavi.estimators.beacons.flight_side import Side
 from mathnavi.estimators.beacons.flight_witness import FIXES, UNREFERENCED, UNTRUSTED, BeaconWitness
-from mathnavi.estimators.flight_lateness import Lateness
+from mathnavi.estimators.flight_leaps import Leaps
 from mathnavi.estimators.flight_model import KalmanConfig
 from mathnavi.estimators.integrity.guard import Guarded
 from mathnavi.estimators.integrity.innovations import LATCHED
@@ -384,7 +384,7 @@ class GuardedFlight(Guarded):
 
     An alarm that no beacon explains may be of all readings, and the filter follows these too: for 20 s the estimate is
     DEGRADED then, as one with a single sensor is (``integrity.innovations``), and for as long as the readings may be
-    late (``flight_lateness``). So it is where the estimated gust is larger than declared: g' (s^2 I - P_gg)^-1 g is
+    late (``flight_leaps``). So it is where the estimated gust is larger than declared: g' (s^2 I - P_gg)^-1 g is
     chi-squared while gusts are as declared.
     """
 
@@ -397,7 +397,7 @@ class GuardedFlight(Guarded):
         self._heard_at = np.full(rows.size, -math.inf)  # [s]
         self._fixes = config.fixes
         model = axis_model(config, mission)
-        self._variance, self._lateness = model.gust_rms**2, Lateness(model, self._tests.rows)
+        self._variance, self._leaps = model.gust_rms**2, Leaps(model, self._tests.rows)
         looks = _HORIZON / (_EACH * mission.gust.time_constant)
         self._largest = float(chdtri(3, _FALSE_ALARM / looks))
         self._remembered, self._doubt = -math.inf, ""  # [s] last time when an alarm had no explanation, and why
@@ -423,9 +423,9 @@ class GuardedFlight(Guarded):
             self._remembered, self._doubt = t, "finds a gust that is larger than declared"
         alarming = float(extra["integrity"][0]) > 1.0 or self._state is Status.LOST
         y = self._tests.read(measurements, self.left_out)
-        self._lateness.follow(t, command, y, lambda: self._filter.moments, alarming=alarming)
-        if self._lateness.tau > 0.0:
-            self._remembered, self._doubt = t, self._lateness.message("readings")
+        self._leaps.follow(t, command, y, lambda: self._filter.moments, alarming=alarming)
+        if self._leaps.tau > 0.0:
+            self._remembered, self._doubt = t, self._leaps.message("readings")
         if estimate.status is not Status.OK:
             return estimate
         message = self._doubt if t - self._remembered < LATCHED - TIME_TOLERANCE else ""

@@ -17,6 +17,8 @@ and less. After a gap that is longer than declared it is DEGRADED until it has c
 LOST. Fixes that are off together make it DEGRADED or LOST (see ``integrity.innovations``); once many in a row
 contradict it, it goes on from their place. An alarm does not say which sensor is wrong: the covariance becomes as much
 larger as the innovations are, that of the biases most (see ``Strapdown.widen``), and the estimate is not OK for 30 s.
+What the fixes have leapt by is part of its covariance until they leap back, and it is DEGRADED while they may be late
+(``flight_leaps``).
 Gyro, accelerometer or fixes that repeat a reading which has noise are stuck, and left out as if they were silent. A
 rotation about the vertical shows in the fixes only while the vehicle accelerates sideways; the initial heading is the
 mission's.
@@ -36,6 +38,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
+from mathnavi.estimators.flight_leaps import FixRows, Leaps
+from mathnavi.estimators.flight_model import AxisModel
 from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
 from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
@@ -62,6 +66,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
 _UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
+_ASTRAY = 0.3, 10.0  # [m/s^2], [s] of the error of an acceleration by the IMU, of its attitude first of all
 _DOUBTED = 30.0  # [s] at least until an estimate is OK again that goes on by fixes which disagreed: they may go back
 
 
@@ -114,6 +119,9 @@ class InertialIekf:
         self._rest = Rest(noise, mission.vehicle.gravity) if at_rest else None
         self._innovations = np.full((2, 3), np.nan)  # of the last fix, and their deviations
         self._H = np.eye(3, len(self._strapdown.P), 6)  # a fix reads the position
+        fix_std = _fix_deviation(config, mission)
+        self._leaps = Leaps(AxisModel(*_ASTRAY, fix_std), FixRows(fix_std**2))
+        self._since = x[VELOCITY].copy(), math.nan  # [m/s] velocity after the last fix, and its time [s]
 
     @staticmethod
     def build(config: InertialIekfConfig, mission: QuadrotorMission) -> InertialIekf:
@@ -182,10 +190,7 @@ class InertialIekf:
                 self._coast(reading.t, command)
                 nis = self._fix(reading)
         self._coast(t, command)
-        R = strapdown.X[:3, :3]
-        axes = np.zeros((6, len(strapdown.P)))
-        axes[:3, PLACE], axes[3:, SPEED] = R, R
-        P = axes @ strapdown.P @ axes.T
+        R, P = strapdown.X[:3, :3], self._covariance()
         inflation = self._monitor.inflation if self._monitored else 1.0
         extra = {
             "attitude": quaternion(R),
@@ -201,6 +206,8 @@ class InertialIekf:
         x = np.concatenate([strapdown.X[:3, 4], strapdown.X[:3, 3]])
         message, integrity = self._doubts(t) if self._monitored else ("", Status.OK)
         P *= inflation
+        if self._monitored and (leapt := self._leaps.covariance) is not None:
+            P[:3, :3] += leapt
         status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
         return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or message)
@@ -210,6 +217,8 @@ class InertialIekf:
         status = self._monitor.status(t)
         if status is Status.OK and t - self._doubted < _DOUBTED:
             return "goes on by fixes that disagreed with it", Status.DEGRADED
+        if status is Status.OK and self._leaps.tau > 0.0:
+            return self._leaps.message("fixes"), Status.DEGRADED
         return self._monitor.message, status
 
     def _unused(self, reading: Measurement) -> Unused | None:
@@ -266,7 +275,30 @@ class InertialIekf:
             if self._rest.seen and h > TIME_TOLERANCE:
                 self._rest.hold(self._strapdown, reading.value, h)
 
+    def _covariance(self) -> Array:
+        """Covariance (6, 6) of position and velocity in the frame of the fixes."""
+        R, axes = self._strapdown.X[:3, :3], np.zeros((6, len(self._strapdown.P)))
+        axes[:3, PLACE], axes[3:, SPEED] = R, R
+        return np.asarray(axes @ self._strapdown.P @ axes.T, np.float64)
+
+    def _moments(self) -> tuple[Array, Array]:
+        """Position, velocity and error of the acceleration (9,), and their covariance (9, 9)."""
+        X = self._strapdown.X
+        P = np.diag(np.full(9, _ASTRAY[0] ** 2))
+        P[:6, :6] = self._covariance()
+        return np.concatenate([X[:3, 4], X[:3, 3], np.zeros(3)]), P
+
     def _fix(self, reading: Measurement) -> Array:
+        """Take a fix, and follow its leaps; return NIS and its number of components, NaN if it was refused."""
+        velocity, since = self._since
+        h = reading.t - since
+        acceleration = (self._strapdown.X[:3, 3] - velocity) / h if h > TIME_TOLERANCE else np.zeros(3)
+        nis = self._condition(reading)
+        self._leaps.follow(reading.t, acceleration, reading.value, self._moments, alarming=self._monitor.alarming)
+        self._since = self._strapdown.X[:3, 3].copy(), reading.t
+        return nis
+
+    def _condition(self, reading: Measurement) -> Array:
         """Condition on a fix; return NIS and its number of components, NaN if the fix was refused."""
         X = self._strapdown.X
         off = reading.value - X[:3, 4]

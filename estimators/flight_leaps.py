@@ -1,19 +1,24 @@
-"""Whether all readings of a flight have been late since an alarm, with stamps of when they came.
+"""Leaps of the readings of a flight: are they late since then, or off, or was the vehicle moved?
 
-Readings of tau [s] ago differ from those of now by tau v. A filter follows them: once it has, it flies the same path
-tau later, which only gusts distinguish from another flight. What tells is the moment in which it begins, or ends: the
-position leaps by tau v, against the velocity. After an alarm three filters run from before it on, with the model of
-``flight_model`` for (p, v, g) and the input u:
+A flight does not leap. After an alarm three filters run from before it on, with the model of ``flight_model`` for
+(p, v, g) and the input u:
 
     nothing      y = h(p) + noise
     moved        likewise, with a position that is anything from the leap on
     late         y = h(p - tau v + tau^2 (u + g) / 2) + noise, with tau' = w_tau, which is anything from the leap on
 
 The leap is where the readings are the most likely of who was moved. After a second with readings they are compared by
-their sums of normalised squared innovations: the readings may be late if that of late is less than that of nothing by
-far more than chance allows, and exceeds that of moved by no more than chance does. They may be for as long as this
-filter explains them, by chi-square, and its tau is larger than three of its deviations. The position is off by tau v
-then. A vehicle that was moved by as much against its velocity reads the same.
+their sums of normalised squared innovations, with those that chance allows.
+
+**Late.** Readings of tau [s] ago, with stamps of when they came, differ from those of now by tau v. A filter follows
+them: once it has, it flies the same path tau later, which only gusts distinguish from another flight. So the moment
+tells in which that begins, or ends: the leap is tau v, against the velocity. The readings may be late if that explains
+them no worse than anything does, for as long as the filter of late ones explains them, by chi-square, and its tau is
+larger than three of its deviations. A vehicle that was moved by as much against its velocity reads the same.
+
+**Moved.** Any other leap d is how far the readings before or those since then are off, by a single sensor nobody knows
+which. Leaps are added up to D, which vanishes once the sensor reads what it did before. The error of an estimate that
+has followed it is within the covariance P + D D'.
 """
 
 from __future__ import annotations
@@ -37,11 +42,12 @@ _KEPT, _OLD, _BETWEEN = 4.0, 2.0, 0.5  # [s] of steps, age of the state that is 
 _SINCE = 1.0  # [s] before the alarm in which the leap is
 _LATEST, _WANDERS = 1.0, 0.01  # [s] deviation of tau at a leap; [s/sqrt(s)] of its random walk
 _AGAIN = 5.0  # [s] between two attempts
-_READ = 10  # readings after a leap until its tau is believed
+_READ = 10  # readings after a leap until they are compared
 _CHANCE, _FAR, _IN_A_ROW = 1e-4, 1e-9, 4  # of all readings since a leap; of one; that far ones come in a row
 _SURE = 3.0  # deviations of tau that make it one
 _MOVED = 300.0  # [m] deviation of a position that is anything
 _LESS, _MORE = 20.0, float(chdtri(2, 1e-3))  # sums of squares by which it is better than nothing, worse than moved
+_BACK = float(chdtri(3, 1e-3))  # of a sum of leaps that is none
 
 
 class Rows(Protocol):
@@ -123,22 +129,60 @@ class _Filter:
         return possible and self.far < _IN_A_ROW and math.isfinite(self.fit)
 
 
-class Lateness:
-    """The doubt of a flight whether its readings are late."""
+class _Compared(NamedTuple):
+    """The three filters, and one from before the leap on that has read nothing since."""
+
+    nothing: _Filter
+    moved: _Filter
+    late: _Filter
+    blind: _Filter
+
+    @property
+    def larger(self) -> float:
+        """Squares of the noise over those that are declared: chance allows as much more."""
+        return max(1.0, self.moved.cost / max(1, self.moved.counted))
+
+    @property
+    def are_late(self) -> bool:
+        """True if late readings explain what is read."""
+        better = self.nothing.cost - self.late.cost > self.larger * _LESS
+        return better and self.late.cost - self.moved.cost < self.larger * _MORE and self.late.far == 0
+
+    @property
+    def has_leapt(self) -> bool:
+        """True if a leap explains it."""
+        return self.nothing.cost - self.moved.cost > self.larger * _LESS and self.moved.far == 0
+
+    @property
+    def leap(self) -> tuple[Array, Array]:
+        """d (3,) [m] and its covariance (3, 3)."""
+        spread = self.moved.P[:3, :3] + self.blind.P[:3, :3]
+        return self.moved.x[:3] - self.blind.x[:3], self.larger * spread
+
+
+class Leaps:
+    """Leaps of the readings of a flight."""
 
     def __init__(self, model: AxisModel, rows: Rows) -> None:
         self._model, self._rows = model, rows
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._steps: deque[Step] = deque()
         self._states: deque[_Filter] = deque()  # at times apart, of the filter of late readings where it runs
-        self._compared: tuple[_Filter, _Filter, _Filter] | None = None  # nothing, moved, late
-        self._now: _Filter | None = None
+        self._compared: _Compared | None = None
+        self._now: _Filter | None = None  # of late readings
+        self._sum = np.zeros(3), np.zeros((3, 3))  # of leaps, D [m] and its covariance
         self._tried = -math.inf  # [s]
 
     @property
     def tau(self) -> float:
         """How late [s] the readings may be; 0 where they are not."""
         return 0.0 if self._now is None else max(self._now.tau, 0.0)
+
+    @property
+    def covariance(self) -> Array | None:
+        """D D' (3, 3) [m^2] of leaps that have not been undone; None if there are none."""
+        D, C = self._sum
+        return np.outer(D, D) if C.any() else None
 
     def message(self, what: str) -> str:
         """Why an estimate is DEGRADED whose readings, ``what``, may be late."""
@@ -177,15 +221,31 @@ class Lateness:
             if not self._now.fits or self._now.tau == 0.0:
                 self._now = None
         if self._compared is not None:
-            for each in self._compared:
+            *reading, blind = self._compared
+            self._advance(blind, step._replace(y=None))
+            for each in reading:
                 self._advance(each, step)
-            if self._compared[-1].readings + self._compared[-1].far >= _READ:
-                self._now, self._compared = _late_one(*self._compared) or self._now, None
+            if self._compared.late.readings + self._compared.late.far >= _READ:
+                self._judge(self._compared)
+                self._compared = None
+
+    def _judge(self, compared: _Compared) -> None:
+        """Take what explains the readings of a second since an alarm."""
+        D, C = self._sum
+        d, spread = compared.leap
+        leapt, total = compared.has_leapt, C + spread
+        undone = leapt and C.any() and float((D + d) @ np.linalg.solve(total, D + d)) < _BACK
+        if undone:
+            self._sum = np.zeros(3), np.zeros((3, 3))
+        elif compared.are_late:
+            self._now = compared.late
+        elif leapt:
+            self._sum = D + d, total
 
     def _begin(self, t: float) -> None:
         """Begin to compare, where the readings disagree with the estimate at t [s]."""
-        old = [state for state in self._states if state.t <= t - _OLD] or list(self._states)[:1]
-        if not old:
+        old = [state for state in self._states if state.t <= t - _OLD]
+        if not old:  # it has just begun: where from is what may be wrong
             return
         self._tried = t
         steps = [step for step in self._steps if step.t > old[-1].t + TIME_TOLERANCE]
@@ -200,7 +260,8 @@ class Lateness:
             late = before.leap(moved=False)
             for step in steps[k:]:
                 self._advance(late, step)
-            self._compared = nothing, moved, late
+                self._advance(before, step._replace(y=None))
+            self._compared = _Compared(nothing, moved, late, before)
 
     def _advance(self, state: _Filter, step: Step) -> None:
         """Predict until a step, and condition on its numbers."""
@@ -239,10 +300,3 @@ class Lateness:
         state.x = x + gain @ nu
         state.P = P - gain @ PH.T
         state.P = 0.5 * (state.P + state.P.T)
-
-
-def _late_one(nothing: _Filter, moved: _Filter, late: _Filter) -> _Filter | None:
-    """The filter of late readings if it is the one that explains them, else None."""
-    larger = max(1.0, moved.cost / max(1, moved.counted))  # noise than declared: then chance allows as much more
-    explains = nothing.cost - late.cost > larger * _LESS and late.cost - moved.cost < larger * _MORE
-    return late if explains and late.far == 0 else None

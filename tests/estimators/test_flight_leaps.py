@@ -1,4 +1,4 @@
-"""Readings of a flight that are late, with stamps of when they came, are doubted for as long as they are."""
+"""A flight does not leap: where its readings do, they are late, or either place may be the right one."""
 
 from __future__ import annotations
 
@@ -49,9 +49,11 @@ def acceleration(t: float) -> Array:
     return (path(t) - 2.0 * path(t - h) + path(t - 2.0 * h)) / h**2
 
 
-def flown(estimator: Estimator, duration: float, *, late: bool, aside: float = 0.0) -> Iterator[tuple[Estimate, Array]]:
-    """Estimates and positions (3,) of a flight; its readings are ``LATE`` from BEGIN to END, or the vehicle is moved
-    ``aside`` [m] at BEGIN.
+def flown(
+    estimator: Estimator, duration: float, *, late: bool = False, aside: float = 0.0, off: float = 0.0
+) -> Iterator[tuple[Estimate, Array]]:
+    """Estimates and positions (3,) of a flight; its readings are ``LATE``, or of a place that is ``off`` [m], from BEGIN
+    to END, or the vehicle is moved ``aside`` [m] at BEGIN.
     """
     rng, among = np.random.default_rng(3), isinstance(estimator, Guarded)
     for k in range(round(duration / PERIOD)):
@@ -59,7 +61,7 @@ def flown(estimator: Estimator, duration: float, *, late: bool, aside: float = 0
         ago = LATE if late and BEGIN <= t < END else 0.0
         outward = path(t) - np.array([3000.0, 2500.0, 500.0])
         moved = aside * outward / np.linalg.norm(outward) if t >= BEGIN else np.zeros(3)
-        seen = path(t - ago) + moved
+        seen = path(t - ago) + moved + (off if BEGIN <= t < END else 0.0) * np.array([0.0, 0.6, 0.8])
         readings: tuple[Measurement, ...] = ()
         if k % EVERY == 0 and among:
             ranges = slant_ranges(np.array(PLACES), seen)[0]
@@ -93,7 +95,24 @@ def test_late_readings_are_doubted_for_as_long_as_they_are_late(estimator: Estim
 
 @pytest.mark.parametrize("estimator", [by_fixes(), by_ranges()], ids=["fixes", "ranges"])
 def test_a_vehicle_that_was_moved_aside_is_not_taken_for_late_readings(estimator: Estimator) -> None:
-    estimates = [e for e, _ in flown(estimator, BEGIN + 35.0, late=False, aside=LATE * SPEED) if e.t > BEGIN + 1.0]
+    estimates = [e for e, _ in flown(estimator, BEGIN + 35.0, aside=LATE * SPEED) if e.t > BEGIN + 1.0]
     assert not any("late" in e.message for e in estimates)
     assert any(e.status is not Status.OK for e in estimates)
     assert estimates[-1].status is Status.OK
+
+
+@pytest.mark.parametrize("estimator", [by_fixes(), by_window()], ids=["fixes", "window"])
+def test_fixes_that_leap_may_be_off_by_that_until_they_leap_back(estimator: Estimator) -> None:
+    found = [(e, float(np.linalg.norm(e.x[:3] - x))) for e, x in flown(estimator, DURATION, off=20.0) if e.t > BEGIN]
+    sure = [(e, error) for e, error in found if e.status is Status.OK]
+    assert any(e.t < END for e, _ in sure)  # it goes on by the fixes
+    assert all(error < 3.0 * deviation(e) for e, error in sure)
+    last, error = sure[-1]
+    assert last.t > DURATION - 1.0
+    assert error < 3.0 * deviation(last) < 6.0
+
+
+def deviation(estimate: Estimate) -> float:
+    """The largest standard deviation [m] of the position in any direction."""
+    assert estimate.covariance is not None
+    return math.sqrt(float(np.linalg.eigvalsh(estimate.covariance[:3, :3])[-1]))

@@ -39,14 +39,15 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _I3 = np.eye(3)
 _KEPT, _OLD, _BETWEEN = 4.0, 2.0, 0.5  # [s] of steps, age of the state that is begun from, and between two of them
-_SINCE = 1.0  # [s] before the alarm in which the leap is
+_SINCE = 1.5  # [s] before the alarm in which the leap is: no less than between two attempts
 _LATEST, _WANDERS = 1.0, 0.01  # [s] deviation of tau at a leap; [s/sqrt(s)] of its random walk
-_AGAIN = 5.0  # [s] between two attempts
+_AGAIN = 1.0  # [s] between two attempts at least
 _READ = 10  # readings after a leap until they are compared
 _CHANCE, _FAR, _IN_A_ROW = 1e-4, 1e-9, 4  # of all readings since a leap; of one; that far ones come in a row
 _SURE = 3.0  # deviations of tau that make it one
 _MOVED = 300.0  # [m] deviation of a position that is anything
 _LESS, _MORE = 20.0, float(chdtri(2, 1e-3))  # sums of squares by which it is better than nothing, worse than moved
+_NOISIER = 2.0  # times the declared variance: readings of which no leap can be told
 _BACK = float(chdtri(3, 1e-3))  # of a sum of leaps that is none
 
 
@@ -151,7 +152,8 @@ class _Compared(NamedTuple):
     @property
     def has_leapt(self) -> bool:
         """True if a leap explains it."""
-        return self.nothing.cost - self.moved.cost > self.larger * _LESS and self.moved.far == 0
+        better = self.nothing.cost - self.moved.cost > self.larger * _LESS
+        return better and self.moved.far == 0 and self.larger < _NOISIER
 
     @property
     def leap(self) -> tuple[Array, Array]:
@@ -171,7 +173,8 @@ class Leaps:
         self._compared: _Compared | None = None
         self._now: _Filter | None = None  # of late readings
         self._sum = np.zeros(3), np.zeros((3, 3))  # of leaps, D [m] and its covariance
-        self._tried = -math.inf  # [s]
+        self._is_after_leap = False  # whether the oldest of the states is that of who was moved
+        self._tried = self._read = -math.inf  # [s] of the last attempt, and of the last reading
 
     @property
     def tau(self) -> float:
@@ -198,21 +201,30 @@ class Leaps:
         none.
         """
         self.step(t, command, y)
-        if alarming and t - self._tried >= _AGAIN:
+        if alarming and self._compared is None and t - self._tried >= _AGAIN:
             self._begin(t)
         if self._states and t - self._states[-1].t < _BETWEEN - TIME_TOLERANCE:
             return
         if self._now is not None:
             self._states.append(self._now.begun())
-        elif (found := moments()) is not None:
+        elif (found := moments()) is None:
+            return
+        else:
             x, P = found
             self._states.append(_Filter(t, np.append(x, 0.0), np.pad(P, (0, 1))))
-        while self._states and self._states[0].t < t - _KEPT:
+        while self._states[0].t < t - _KEPT:
             self._states.popleft()
+            self._is_after_leap = False
 
     def step(self, t: float, command: Array, y: Array | None) -> None:
         """Take what came until t [s]: ``command`` (3,) [m/s^2] held since then, and numbers y (m,), if any."""
         step = Step(t, command.copy(), y)
+        if y is not None:
+            if t - self._read > _OLD:  # what has happened meanwhile is no leap
+                self._compared = None
+                self._states.clear()
+                self._steps.clear()
+            self._read = t
         self._steps.append(step)
         while self._steps[0].t < t - _KEPT:
             self._steps.popleft()
@@ -241,10 +253,14 @@ class Leaps:
             self._now = compared.late
         elif leapt:
             self._sum = D + d, total
+        if undone or (leapt and self._now is not compared.late):  # this leap is not to be found again
+            self._states, self._is_after_leap = deque([compared.moved.begun()]), True
 
     def _begin(self, t: float) -> None:
         """Begin to compare, where the readings disagree with the estimate at t [s]."""
         old = [state for state in self._states if state.t <= t - _OLD]
+        if not old and self._is_after_leap:
+            old = [self._states[0]]
         if not old:  # it has just begun: where from is what may be wrong
             return
         self._tried = t

@@ -161,6 +161,8 @@ class Kalman:
                 self._counts.add(Unused.UNKNOWN_SENSOR)
             elif is_late(fix.t, self._t):
                 self._counts.add(Unused.LATE)
+            elif self._is_stuck(fix):
+                self._counts.add(Unused.OUTLIER)
             else:
                 self._predict(fix.t, command)
                 self._leaps.step(fix.t, command, fix.value)
@@ -214,6 +216,10 @@ class Kalman:
             self._P = F.dot(self._P).dot(F.T) + Q
             self._t = t
 
+    def _is_stuck(self, fix: Measurement) -> bool:
+        """True for a fix with noise that has read the same many times: it is none."""
+        return self._noisy and self._monitor.note_value(fix.t, fix.value)
+
     def _condition(self, fix: Measurement) -> None:
         variance = float(self._P[0, 0]) + self._R
         difference = fix.value - self._x[0]
@@ -223,8 +229,6 @@ class Kalman:
             return
         self._innovations[0], self._innovations[1] = difference, math.sqrt(variance)
         self._monitor.note(fix.t, difference, variance * _EYE, self._R * _EYE)
-        if self._noisy:
-            self._monitor.note_value(fix.t, fix.value)
         fits = self._since_gap.fits(np.array([normalised / _AXES]), self._timeout_monitor.converged)
         if normalised > _OUTLIER:
             self._outliers += 1

@@ -183,7 +183,7 @@ class MovingHorizonEstimator:
         """
         horizon, lost = self._horizon, False
         self._innovations[:] = np.nan
-        self._count(t, measurements, command)
+        measurements = self._used(t, measurements, command)
         gone = self._t is not None and t - self._t > max(FARTHEST, 100.0 * self.period)
         astray = self._monitor is not None and self._monitor.in_a_row > _LASTING
         if (gone or astray) and self._model.restart():
@@ -253,8 +253,6 @@ class MovingHorizonEstimator:
                 self._errors.expect(y, predicted.x[: len(y)])
             if self._monitor is not None and len(predicted.r) == self._model.rows:
                 self._monitor.note(stage.t, predicted.r, predicted.S, np.eye(len(predicted.r)))
-                if self._noisy:
-                    self._monitor.note_value(stage.t, y)
                 if self._leaps is not None:
                     self._leaps.step(stage.t, command, y)
 
@@ -263,15 +261,22 @@ class MovingHorizonEstimator:
         known = predicted.known
         self._innovations[:, known] = noise[known] * predicted.r, noise[known] * np.sqrt(predicted.S.diagonal())
 
-    def _count(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
-        """Count the readings that are not used."""
+    def _used(self, t: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Measurement]:
+        """The readings but fixes that repeat one again and again; count those that are not used."""
         if self._reader is not None:
             self._reader.read(t, measurements, command)
+        used = []
         for reading in measurements:
-            if (reason := self._model.unused(reading)) is not None:
+            reason = self._model.unused(reading)
+            if reason is None and self._builder.is_late(reading.t):
+                reason = Unused.LATE
+            elif reason is None and self._noisy and self._monitor is not None:
+                reason = Unused.OUTLIER if self._monitor.note_value(reading.t, reading.value) else None
+            if reason is not None:
                 self._counts.add(reason)
-            elif self._builder.is_late(reading.t):
-                self._counts.add(Unused.LATE)
+            if reason is not Unused.OUTLIER:
+                used.append(reading)
+        return used
 
 
 def _by_fixes(mission: FlightMission) -> FlightMission:

@@ -6,7 +6,7 @@ refuses. The windowed tests are those of ``windows``, over 0.5, 2, 5 and 20 s:
     OK -> DEGRADED      at an alarm; for 20 s with readings, since its cause is unknown, and innovations are quiet again
                         once the estimate has settled at a wrong place
     -> LOST             after four readings in a row that are each off by more than chance allows, one in 1e9
-    -> DEGRADED         likewise, while a sensor with noise reads the same six times and more
+    -> DEGRADED         likewise, after a sensor with noise has read the same six times
     LOST -> DEGRADED    after 5 s with readings and without an alarm
 
 What the longest window has of an alarm of the shorter ones, 5 s after that, is no other alarm.
@@ -106,11 +106,16 @@ class InnovationMonitor:
         )
         self.inflation = max(found, self.inflation) if t - self._alarmed < LATCHED else found
 
-    def note_value(self, t: float, y: Array) -> None:
-        """Test a reading y (m,) of t [s], of a sensor with noise: it does not read the same again and again."""
-        if (repeats := self._repeats.take(y)) >= STUCK:
+    def note_value(self, t: float, y: Array) -> bool:
+        """Note a reading y (m,) of t [s], of a sensor with noise; True for one that has read the same again and again.
+
+        The first such is an alarm; they are no readings, and not to be used.
+        """
+        repeats = self._repeats.take(y)
+        if repeats == STUCK:
             self._alarmed = t
             self.message = f"has read the same {self._what} {repeats + 1} times"
+        return repeats >= STUCK
 
     def note_state(self, t: float, square: float, what: str) -> None:
         """Test a part of the state at t [s] that is stationary, of mean zero: x' V^-1 x of m components with

@@ -107,7 +107,7 @@ class InertialIekf:
         self._agreed = -math.inf  # [s] of the last fix that agreed
         self._begun = self._doubted = -math.inf  # [s] when it began again, and when its fixes began to disagree
         self._noisy = [(part, Repeats()) for part, std in _parts(mission.inertial) if std > 0.0]  # of an IMU's reading
-        self._same_fix = Repeats() if mission.flight.position_noise > 0.0 else None
+        self._noisy_fixes = mission.flight.position_noise > 0.0
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
@@ -235,10 +235,7 @@ class InertialIekf:
         """True for a reading of a sensor with noise that has read the same many times, or the half of an IMU has."""
         if reading.name == "imu":
             return max((same.take(reading.value[part]) for part, same in self._noisy), default=0) >= STUCK
-        repeats = 0 if self._same_fix is None else self._same_fix.take(reading.value)
-        if repeats <= STUCK and self._same_fix is not None:  # the alarm is of those that were used
-            self._monitor.note_value(reading.t, reading.value)
-        return repeats >= STUCK
+        return self._noisy_fixes and self._monitor.note_value(reading.t, reading.value)
 
     def _coast(self, t: float, command: Array) -> None:
         """Propagate to t [s] without an IMU reading, by the declared motion under the command (4,) [N]."""

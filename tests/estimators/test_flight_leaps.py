@@ -52,8 +52,8 @@ def acceleration(t: float) -> Array:
 def flown(
     estimator: Estimator, duration: float, *, late: bool = False, aside: float = 0.0, off: float = 0.0
 ) -> Iterator[tuple[Estimate, Array]]:
-    """Estimates and positions (3,) of a flight; its readings are ``LATE``, or of a place that is ``off`` [m], from BEGIN
-    to END, or the vehicle is moved ``aside`` [m] at BEGIN.
+    """Estimates and positions (3,) of a flight; its readings are ``LATE``, or of a place that is ``off`` [m], from
+    BEGIN to END, or the vehicle is moved ``aside`` [m] at BEGIN.
     """
     rng, among = np.random.default_rng(3), isinstance(estimator, Guarded)
     for k in range(round(duration / PERIOD)):

@@ -41,7 +41,7 @@ _I3 = np.eye(3)
 _KEPT, _OLD, _BETWEEN = 4.0, 2.0, 0.5  # [s] of steps, age of the state that is begun from, and between two of them
 _SINCE = 1.5  # [s] before the alarm in which the leap is: no less than between two attempts
 _LATEST, _WANDERS = 1.0, 0.01  # [s] deviation of tau at a leap; [s/sqrt(s)] of its random walk
-_AGAIN = 1.0  # [s] between two attempts at least
+_AGAIN, _QUIET = 1.0, 5.0  # [s] between two attempts at least; without an alarm until the estimate is trusted again
 _READ = 10  # readings after a leap until they are compared
 _CHANCE, _FAR, _IN_A_ROW = 1e-4, 1e-9, 4  # of all readings since a leap; of one; that far ones come in a row
 _SURE = 3.0  # deviations of tau that make it one
@@ -173,8 +173,9 @@ class Leaps:
         self._compared: _Compared | None = None
         self._now: _Filter | None = None  # of late readings
         self._sum = np.zeros(3), np.zeros((3, 3))  # of leaps, D [m] and its covariance
+        self._moved: _Filter | None = None  # of who was moved, while the estimate has not settled there
         self._is_after_leap = False  # whether the oldest of the states is that of who was moved
-        self._tried = self._read = -math.inf  # [s] of the last attempt, and of the last reading
+        self._tried = self._read = self._alarmed = -math.inf  # [s] of the last attempt, reading and alarm
 
     @property
     def tau(self) -> float:
@@ -201,12 +202,13 @@ class Leaps:
         none.
         """
         self.step(t, command, y)
+        self._alarmed = t if alarming else self._alarmed
         if alarming and self._compared is None and t - self._tried >= _AGAIN:
             self._begin(t)
         if self._states and t - self._states[-1].t < _BETWEEN - TIME_TOLERANCE:
             return
-        if self._now is not None:
-            self._states.append(self._now.begun())
+        if (own := self._now or self._moved) is not None:
+            self._states.append(own.begun())
         elif (found := moments()) is None:
             return
         else:
@@ -232,6 +234,10 @@ class Leaps:
             self._advance(self._now, step)
             if not self._now.fits or self._now.tau == 0.0:
                 self._now = None
+        if self._moved is not None:
+            self._advance(self._moved, step)
+            if self._moved.far >= _IN_A_ROW or t - self._alarmed > _QUIET:
+                self._moved = None
         if self._compared is not None:
             *reading, blind = self._compared
             self._advance(blind, step._replace(y=None))
@@ -254,6 +260,7 @@ class Leaps:
         elif leapt:
             self._sum = D + d, total
         if undone or (leapt and self._now is not compared.late):  # this leap is not to be found again
+            self._moved = compared.moved
             self._states, self._is_after_leap = deque([compared.moved.begun()]), True
 
     def _begin(self, t: float) -> None:

@@ -86,10 +86,10 @@ def test_the_declared_quality_is_that_of_a_flight(gust: DeclaredGusts, noise: fl
 def test_the_covariance_settles_at_the_declared_quality(gust: DeclaredGusts, noise: float) -> None:
     mission = mission_of(gust, noise)
     filter_, declared = Kalman.build(KalmanConfig(), mission), Kalman.quality(KalmanConfig(), mission).error[:2, :2]
-    worst = np.zeros(2)
+    worst, rng = np.zeros(2), np.random.default_rng(0)
     for k in range(4000):  # 40 s
         t = k * 0.01
-        readings = [fix(t, np.array(mission.start))] if k % 10 == 0 else []
+        readings = [fix(t, mission.start + 1e-3 * rng.standard_normal(3))] if k % 10 == 0 else []
         covariance = filter_.update(t, readings, np.zeros(3)).covariance
         assert covariance is not None
         if k > 3500:

@@ -7,18 +7,19 @@ A flight does not leap. After an alarm three filters run from before it on, with
     moved        likewise, with a position that is anything from the leap on
     late         y = h(p - tau v + tau^2 (u + g) / 2) + noise, with tau' = w_tau, which is anything from the leap on
 
-The leap is where the readings are the most likely of who was moved. After a second with readings they are compared by
-their sums of normalised squared innovations, with those that chance allows.
+The leap is at the reading from which on ``moved`` makes the readings the most likely. After ten readings the three are
+compared by their sums of normalised squared innovations.
 
 **Late.** Readings of tau [s] ago, with stamps of when they came, differ from those of now by tau v. A filter follows
-them: once it has, it flies the same path tau later, which only gusts distinguish from another flight. So the moment
-tells in which that begins, or ends: the leap is tau v, against the velocity. The readings may be late if that explains
-them no worse than anything does, for as long as the filter of late ones explains them, by chi-square, and its tau is
-larger than three of its deviations. A vehicle that was moved by as much against its velocity reads the same.
+them: it flies the same path tau later, which only gusts distinguish from another flight. What tells is the moment in
+which that begins, or ends: the leap is tau v, against the velocity. The readings may be late if ``late`` explains them
+far better than ``nothing`` and not much worse than ``moved``, for as long as its innovations pass a chi-square test and
+its tau is larger than three standard deviations. A vehicle that was moved by as much against its velocity reads the
+same.
 
-**Moved.** Any other leap d is how far the readings before or those since then are off, by a single sensor nobody knows
-which. Leaps are added up to D, which vanishes once the sensor reads what it did before. The error of an estimate that
-has followed it is within the covariance P + D D'.
+**Moved.** After any other leap d either the readings before it or those since then are off by d, and a single sensor
+does not tell which. Leaps are added up to D, which vanishes once the sensor reads what it did before. An estimate that
+follows the readings has the covariance P + D D'.
 """
 
 from __future__ import annotations
@@ -42,12 +43,13 @@ _KEPT, _OLD, _BETWEEN = 4.0, 2.0, 0.5  # [s] of steps, age of the state that is 
 _SINCE = 1.5  # [s] before the alarm in which the leap is: no less than between two attempts
 _LATEST, _WANDERS = 1.0, 0.01  # [s] deviation of tau at a leap; [s/sqrt(s)] of its random walk
 _AGAIN, _QUIET = 1.0, 5.0  # [s] between two attempts at least; without an alarm until the estimate is trusted again
-_READ = 10  # readings after a leap until they are compared
+_READ = 10  # readings after a leap until filters are compared
 _CHANCE, _FAR, _IN_A_ROW = 1e-4, 1e-9, 4  # of all readings since a leap; of one; that far ones come in a row
 _SURE = 3.0  # deviations of tau that make it one
+_INTERVALS = 64  # that are kept
 _MOVED = 300.0  # [m] deviation of a position that is anything
 _LESS, _MORE = 20.0, float(chdtri(2, 1e-3))  # sums of squares by which it is better than nothing, worse than moved
-_NOISIER = 2.0  # times the declared variance: readings of which no leap can be told
+_NOISIER = 2.0  # times the declared variance from which on a leap does not show
 _BACK = float(chdtri(3, 1e-3))  # of a sum of leaps that is none
 
 
@@ -140,7 +142,7 @@ class _Compared(NamedTuple):
 
     @property
     def larger(self) -> float:
-        """Squares of the noise over those that are declared: chance allows as much more."""
+        """Variance of the innovations over the declared one, by which differences of sums become larger."""
         return max(1.0, self.moved.cost / max(1, self.moved.counted))
 
     @property
@@ -173,8 +175,8 @@ class Leaps:
         self._compared: _Compared | None = None
         self._now: _Filter | None = None  # of late readings
         self._sum = np.zeros(3), np.zeros((3, 3))  # of leaps, D [m] and its covariance
-        self._moved: _Filter | None = None  # of who was moved, while the estimate has not settled there
-        self._is_after_leap = False  # whether the oldest of the states is that of who was moved
+        self._moved: _Filter | None = None  # after a leap, until the estimate has settled
+        self._is_after_leap = False  # whether the oldest of the states is one of it
         self._tried = self._read = self._alarmed = -math.inf  # [s] of the last attempt, reading and alarm
 
     @property
@@ -248,7 +250,7 @@ class Leaps:
                 self._compared = None
 
     def _judge(self, compared: _Compared) -> None:
-        """Take what explains the readings of a second since an alarm."""
+        """Take what explains the readings since an alarm best."""
         D, C = self._sum
         d, spread = compared.leap
         leapt, total = compared.has_leapt, C + spread
@@ -292,6 +294,8 @@ class Leaps:
         if h > TIME_TOLERANCE:
             key = round(h, 10)
             if key not in self._discrete:
+                if len(self._discrete) >= _INTERVALS:  # stamps jitter
+                    self._discrete.clear()
                 F, B, Q = self._model.discretised(h)
                 over, noise = np.eye(10), np.zeros((10, 10))
                 over[:9, :9], noise[:9, :9], noise[9, 9] = np.kron(F, _I3), np.kron(Q, _I3), _WANDERS**2 * h

@@ -178,6 +178,7 @@ class Leaps:
         self._moved: _Filter | None = None  # after a leap, until the estimate has settled
         self._is_after_leap = False  # whether the oldest of the states is one of it
         self._tried = self._read = self._alarmed = -math.inf  # [s] of the last attempt, reading and alarm
+        self._due = -math.inf  # [s] when the next state is kept
 
     @property
     def tau(self) -> float:
@@ -204,18 +205,21 @@ class Leaps:
         none.
         """
         self.step(t, command, y)
-        self._alarmed = t if alarming else self._alarmed
-        if alarming and self._compared is None and t - self._tried >= _AGAIN:
-            self._begin(t)
-        if self._states and t - self._states[-1].t < _BETWEEN - TIME_TOLERANCE:
+        if alarming:
+            self._alarmed = t
+            if self._compared is None and t - self._tried >= _AGAIN:
+                self._begin(t)
+        if t < self._due:
             return
+        self._due = t + _BETWEEN - TIME_TOLERANCE
         if (own := self._now or self._moved) is not None:
             self._states.append(own.begun())
         elif (found := moments()) is None:
             return
         else:
-            x, P = found
-            self._states.append(_Filter(t, np.append(x, 0.0), np.pad(P, (0, 1))))
+            x, P = np.zeros(10), np.zeros((10, 10))
+            x[:9], P[:9, :9] = found
+            self._states.append(_Filter(t, x, P))
         while self._states[0].t < t - _KEPT:
             self._states.popleft()
             self._is_after_leap = False
@@ -225,13 +229,19 @@ class Leaps:
         step = Step(t, command.copy(), y)
         if y is not None:
             if t - self._read > _OLD:  # what has happened meanwhile is no leap
-                self._compared = None
+                self._compared, self._is_after_leap = None, False
                 self._states.clear()
                 self._steps.clear()
             self._read = t
         self._steps.append(step)
         while self._steps[0].t < t - _KEPT:
             self._steps.popleft()
+        if self._compared is not None or self._now is not None or self._moved is not None:
+            self._go_on(step)
+
+    def _go_on(self, step: Step) -> None:
+        """Advance the filters that run beside the estimate."""
+        t = step.t
         if self._now is not None:
             self._advance(self._now, step)
             if not self._now.fits or self._now.tau == 0.0:

@@ -74,7 +74,10 @@ class Kalman:
         self._leaps = Leaps(self._model, FixRows(self._R))
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
-        self._innovations = np.full((2, _AXES), np.nan)  # of the last fix, and their deviations
+        self._nothing = published(np.full((2, _AXES), np.nan))
+        for each in self._nothing.values():
+            each.flags.writeable = False  # all estimates without a fix share it
+        self._innovations = self._nothing  # of the last fix
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Estimator:
@@ -155,7 +158,7 @@ class Kalman:
         ``extra["innovation_std"]`` (3,) [m] their standard deviations (``interfaces.innovations``); ``extra`` also
         counts the readings that were not used.
         """
-        self._innovations[:] = np.nan
+        self._innovations = self._nothing
         for fix in measurements:
             if fix.name != "position":
                 self._counts.add(Unused.UNKNOWN_SENSOR)
@@ -175,7 +178,7 @@ class Kalman:
         extra = {
             "gust": x[2].copy(),
             "integrity": np.array([self._monitor.ratio]),
-            **published(self._innovations),
+            **self._innovations,
             **self._counts.extra,
         }
         status = worst(self._timeout_monitor.status(t, covariance), integrity)
@@ -227,7 +230,7 @@ class Kalman:
         if not math.isfinite(normalised):
             self._counts.add(Unused.NOT_FINITE)
             return
-        self._innovations[0], self._innovations[1] = difference, math.sqrt(variance)
+        self._innovations = published(np.array([difference, np.full(_AXES, math.sqrt(variance))]))
         self._monitor.note(fix.t, difference, variance * _EYE, self._R * _EYE)
         fits = self._since_gap.fits(np.array([normalised / _AXES]), self._timeout_monitor.converged)
         if normalised > _OUTLIER:

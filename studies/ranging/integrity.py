@@ -209,7 +209,7 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
         name: float(np.mean([e.false for e in cells if e.estimator == name]))
         for name in dict.fromkeys(e.estimator for e in cells)
     }
-    before = [e.wrong(False) for e in cells if e.fault != "none"]
+    before = [e.wrong(False) for e in cells if e.fault != "none" and e.without]
     worst, often = max(cells, key=lambda e: e.judged), sum(e.wrong() <= MOST_WRONG for e in cells)
     named = "; ".join(f"{e.name}: {e.judged:.1%}" for e in wrong)
     return [
@@ -257,7 +257,7 @@ def figure(cells: Sequence[Cell]) -> Figure:
         wrong.set(xlim=(-0.1, 110.0), xlabel="sure and wrong [% of the time]", title="(a) sure and wrong")
         wrong.set_yticks(range(len(faults)), faults)
         wrong.invert_yaxis()
-        wrong.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
+        wrong.legend(loc="upper center", bbox_to_anchor=(0.5, -0.8 / (1.0 + 0.2 * len(faults))), ncols=2, fontsize=8)
         rows = [faults.index(e.fault) for e in cells]
         _dots(detected, rows, [e.median("detected") for e in cells], COLOURS[True])
         detected.set_xscale("symlog", linthresh=0.1)

@@ -10,8 +10,9 @@ import pytest
 
 from mathnavi.interfaces.signals import Estimate, Measurement, Status
 from mathnavi.models.unicycle.quality import KnownStart
+from mathnavi.studies.ranging.integrity import Cell, claims
 from mathnavi.studies.ranging.integrity_detection import findable
-from mathnavi.studies.ranging.integrity_judging import Timing, judged
+from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, judged
 from mathnavi.studies.ranging.pose_integrity import (
     DURATION,
     END,
@@ -77,3 +78,13 @@ def test_until_it_can_be_found_a_fault_is_judged_by_the_level_and_then_by_three_
     assert other.judged == pytest.approx((whole - 100) / whole)
     assert one.kept == other.kept == pytest.approx(200 / whole)
     assert (one.findable, other.findable) == (8.0, 2.0)
+
+
+def test_a_filter_of_which_the_monitor_is_a_part_has_no_share_in_what_is_said_of_runs_without() -> None:
+    done = Outcome(0.1, 0.0, 0.0, 1.0, 2.0, 0.1, 1.0, 0.1, 1.0)
+    rows = [
+        {"estimator": name, "fault": "off", "monitored": monitored, **vars(done)}
+        for name, monitored in (("one", True), ("one", False), ("other", True))
+    ]
+    claim = claims([Cell(name, "off", rows) for name in ("one", "other")])[0]
+    assert "without the monitor 10% on average" in claim.measured

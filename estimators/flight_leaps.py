@@ -19,7 +19,8 @@ same.
 
 **Moved.** After any other leap d either the readings before it or those since then are off by d, and a single sensor
 does not tell which. Leaps are added up to D, which vanishes once the sensor reads what it did before. An estimate that
-follows the readings has the covariance P + D D'.
+follows the readings has the covariance P + D D'. A leap is not told where readings are more than 2 s apart, or where
+their innovations have twice the declared variance.
 """
 
 from __future__ import annotations
@@ -312,7 +313,7 @@ class Leaps:
                 self._discrete[key] = over, B, noise
             F, B, Q = self._discrete[key]
             state.x = F @ state.x
-            state.x[:9] += np.outer(B, step.command).ravel()  # of the line above: no other filter has it
+            state.x[:9] += np.outer(B, step.command).ravel()  # x is new: no other filter shares it
             state.P = F @ state.P @ F.T + Q
             state.t = step.t
         if step.y is not None and len(rows := np.flatnonzero(np.isfinite(step.y))):

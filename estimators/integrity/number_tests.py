@@ -87,7 +87,7 @@ class NumberTests:
         return self._level
 
     def widened(self, covariance: Array) -> Array:
-        return covariance  # who reads beacons has its own words for what nothing explains
+        return covariance  # an estimate by beacons is DEGRADED meanwhile
 
     def stuck(self) -> list[int]:
         """Channels with a number that stays while what it should be moves."""

@@ -19,7 +19,7 @@ same.
 
 **Moved.** After any other leap d either the readings before it or those since then are off by d, and a single sensor
 does not tell which. Leaps are added up to D, which vanishes once the sensor reads what it did before. An estimate that
-follows the readings has the covariance P + D D'. A leap is not told where readings are more than 2 s apart, or where
+follows the readings has the covariance P + D D'. A leap is not told where readings are more than 0.5 s apart, or where
 their innovations have twice the declared variance.
 """
 
@@ -41,6 +41,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _I3 = np.eye(3)
 _KEPT, _OLD, _BETWEEN = 4.0, 2.0, 0.5  # [s] of steps, age of the state that is begun from, and between two of them
+_APART = 0.5  # [s] between readings at most: over more a vehicle may go anywhere before they are enough
 _SINCE = 1.5  # [s] before the alarm in which the leap is: no less than between two attempts
 _LATEST, _WANDERS = 1.0, 0.01  # [s] deviation of tau at a leap; [s/sqrt(s)] of its random walk
 _AGAIN, _QUIET = 1.0, 5.0  # [s] between two attempts at least; without an alarm until the estimate is trusted again
@@ -229,7 +230,7 @@ class Leaps:
         """Take what came until t [s]: ``command`` (3,) [m/s^2] held since then, and numbers y (m,), if any."""
         step = Step(t, command.copy(), y)
         if y is not None:
-            if t - self._read > _OLD:  # what has happened meanwhile is no leap
+            if t - self._read > _APART:  # what has happened meanwhile is no leap
                 self._compared, self._is_after_leap = None, False
                 self._states.clear()
                 self._steps.clear()

@@ -71,7 +71,7 @@ class Kalman:
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._monitor = InnovationMonitor("fixes", _AXES, 1.0 / mission.position_rate)
         self._noisy = mission.position_noise > 0.0
-        self._leaps = Leaps(self._model, FixRows(self._R))
+        self._leaps = Leaps(self._model, FixRows(self._R), 1.0 / mission.position_rate)
         self._outliers = 0  # in a row
         self._counts, self._since_gap = ReadingCounts(), InnovationMean(_OUTLIER)
         self._nothing = published(np.full((2, _AXES), np.nan))
@@ -186,11 +186,13 @@ class Kalman:
 
     def _doubted(self, t: float, command: Array) -> tuple[Status, str]:
         """Status at t [s] as far as fixes agree, and are not late, and why."""
-        self._leaps.follow(t, command, None, lambda: self.moments, alarming=self._monitor.alarming)
-        status = self._monitor.status(t)
-        if status is Status.OK and self._leaps.tau > 0.0:
-            return Status.DEGRADED, self._leaps.message("fixes")
-        return status, self._monitor.message
+        monitor = self._monitor
+        alarming, surprising = monitor.alarming, monitor.surprising
+        self._leaps.follow(t, command, None, lambda: self.moments, alarming=alarming, surprising=surprising)
+        status = monitor.status(t)
+        if status is Status.OK and (doubt := self._leaps.doubt("fixes")):
+            return Status.DEGRADED, doubt
+        return status, monitor.message
 
     @property
     def moments(self) -> tuple[Array, Array]:

@@ -95,7 +95,7 @@ class MovingHorizonEstimator:
         self._leaps: Leaps | None = None  # of a flight
         if isinstance(mission, FlightMission):
             axis = AxisModel.from_config(KalmanConfig(), mission)
-            self._leaps = Leaps(axis, FixRows(axis.fix_std**2))
+            self._leaps = Leaps(axis, FixRows(axis.fix_std**2), interval)
         if isinstance(mission, MissileMission | FlightMission):
             what = "fixes" if isinstance(mission, FlightMission) else "readings"
             self._monitor = InnovationMonitor(what, model.rows, interval)
@@ -229,9 +229,10 @@ class MovingHorizonEstimator:
             message = message or self._monitor.message
         if self._leaps is not None and self._monitor is not None:
             state = (self._unknown, P) if horizon.started else None
-            self._leaps.follow(t, command, None, lambda: state, alarming=self._monitor.alarming)
-            if status is Status.OK and self._leaps.tau > 0.0:
-                status, message = Status.DEGRADED, self._leaps.message("fixes")
+            alarming, surprising = self._monitor.alarming, self._monitor.surprising
+            self._leaps.follow(t, command, None, lambda: state, alarming=alarming, surprising=surprising)
+            if status is Status.OK and (doubt := self._leaps.doubt("fixes")):
+                status, message = Status.DEGRADED, doubt
             if covariance is not None and (leapt := self._leaps.covariance) is not None:
                 covariance = covariance.copy()
                 covariance[:3, :3] += leapt

@@ -397,7 +397,7 @@ class GuardedFlight(Guarded):
         self._heard_at = np.full(rows.size, -math.inf)  # [s]
         self._fixes = config.fixes
         model = axis_model(config, mission)
-        self._variance, self._leaps = model.gust_rms**2, Leaps(model, self._tests.rows)
+        self._variance, self._leaps = model.gust_rms**2, Leaps(model, self._tests.rows, 1.0 / beacons_of(mission).rate)
         looks = _HORIZON / (_EACH * mission.gust.time_constant)
         self._largest = float(chdtri(3, _FALSE_ALARM / looks))
         self._remembered, self._doubt = -math.inf, ""  # [s] last time when an alarm had no explanation, and why
@@ -425,7 +425,7 @@ class GuardedFlight(Guarded):
         y = self._tests.read(measurements, self.left_out)
         self._leaps.follow(t, command, y, lambda: self._filter.moments, alarming=alarming)
         if self._leaps.tau > 0.0:
-            self._remembered, self._doubt = t, self._leaps.message("readings")
+            self._remembered, self._doubt = t, self._leaps.doubt("readings")
         if estimate.status is not Status.OK:
             return estimate
         message = self._doubt if t - self._remembered < LATCHED - TIME_TOLERANCE else ""

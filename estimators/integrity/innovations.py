@@ -48,7 +48,7 @@ class InnovationMonitor:
         """thresholds of its tests"""
         self._windows = Windows(self.thresholds, components)
         self._every = np.ones(components, dtype=bool)
-        self._outlier = float(chdtri(components, _CHANCE))
+        self._outlier, self._surprise = (float(chdtri(components, each)) for each in (_CHANCE, 1e-3))
         self._chances = chances(int(self.thresholds.lengths[-1]) * components)
         self.in_a_row = 0
         """readings in a row that are off by more than chance allows"""
@@ -61,15 +61,15 @@ class InnovationMonitor:
         self.ratio = 0.0
         """the worst statistic over its threshold"""
         self.message = ""
-        self.alarming = False
-        """whether the newest reading alarmed"""
+        self.alarming = self.surprising = False
+        """whether the newest reading alarmed, and whether it alone is off by more than one in a thousand is"""
 
     def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
         """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
         if t - self._t > _GAP * self._interval and self._t > -math.inf:  # nothing was tested meanwhile
             gap = t - self._t - self._interval
             self._alarmed, self._lost = self._alarmed + gap, self._lost + gap
-        self._t, self.alarming = t, True
+        self._t, self.alarming, self.surprising = t, True, False
         try:
             white = np.linalg.solve(np.linalg.cholesky(S), nu)
         except np.linalg.LinAlgError:  # S is no covariance
@@ -78,7 +78,8 @@ class InnovationMonitor:
             self._lost = self._alarmed = t
             self.message = "is not finite, or its covariance is none"
             return
-        far = float(white @ white) > self._outlier
+        square = float(white @ white)
+        far, self.surprising = square > self._outlier, square > self._surprise
         if self.in_a_row >= _IN_A_ROW and not far:  # what was read while it was lost says nothing of where it is now
             self._windows.clear()
         self._windows.add(nu / np.sqrt(S.diagonal()), white)

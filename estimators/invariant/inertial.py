@@ -120,7 +120,7 @@ class InertialIekf:
         self._innovations = np.full((2, 3), np.nan)  # of the last fix, and their deviations
         self._H = np.eye(3, len(self._strapdown.P), 6)  # a fix reads the position
         fix_std = _fix_deviation(config, mission)
-        self._leaps = Leaps(AxisModel(*_ASTRAY, fix_std), FixRows(fix_std**2))
+        self._leaps = Leaps(AxisModel(*_ASTRAY, fix_std), FixRows(fix_std**2), 1.0 / mission.flight.position_rate)
         self._since = x[VELOCITY].copy(), math.nan  # [m/s] velocity after the last fix, and its time [s]
 
     @staticmethod
@@ -217,8 +217,8 @@ class InertialIekf:
         status = self._monitor.status(t)
         if status is Status.OK and t - self._doubted < _DOUBTED:
             return "goes on by fixes that disagreed with it", Status.DEGRADED
-        if status is Status.OK and self._leaps.tau > 0.0:
-            return self._leaps.message("fixes"), Status.DEGRADED
+        if status is Status.OK and (doubt := self._leaps.doubt("fixes")):
+            return doubt, Status.DEGRADED
         return self._monitor.message, status
 
     def _unused(self, reading: Measurement) -> Unused | None:
@@ -291,7 +291,10 @@ class InertialIekf:
         h = reading.t - since
         acceleration = (self._strapdown.X[:3, 3] - velocity) / h if h > TIME_TOLERANCE else np.zeros(3)
         nis = self._condition(reading)
-        self._leaps.follow(reading.t, acceleration, reading.value, self._moments, alarming=self._monitor.alarming)
+        alarming, surprising = self._monitor.alarming, self._monitor.surprising
+        self._leaps.follow(
+            reading.t, acceleration, reading.value, self._moments, alarming=alarming, surprising=surprising
+        )
         self._since = self._strapdown.X[:3, 3].copy(), reading.t
         return nis
 

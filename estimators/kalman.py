@@ -34,7 +34,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.flight_leaps import FixRows, Leaps
+from mathnavi.estimators.flight_leap_filters import FixRows
+from mathnavi.estimators.flight_leaps import Leaps
 from mathnavi.estimators.flight_model import OF_BEACONS, AxisModel, KalmanConfig, as_stated
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 import numpy as np
 from annotated_types import Interval
 
-from mathnavi.estimators.flight_leaps import FixRows, Leaps
+from mathnavi.estimators.flight_leap_filters import FixRows
+from mathnavi.estimators.flight_leaps import Leaps
 from mathnavi.estimators.flight_model import AxisModel, KalmanConfig
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.kalman import Kalman

@@ -38,7 +38,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
-from mathnavi.estimators.flight_leaps import FixRows, Leaps
+from mathnavi.estimators.flight_leap_filters import FixRows
+from mathnavi.estimators.flight_leaps import Leaps
 from mathnavi.estimators.flight_model import AxisModel
 from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
 from mathnavi.estimators.integrity.repeats import STUCK, Repeats

@@ -28,11 +28,11 @@ PLACES = (
 """[m]"""
 
 
-def mission_of(beacons: FlightBeacons | None = None) -> FlightMission:
+def mission_of(beacons: FlightBeacons | None = None, rate: float = 1.0 / (EVERY * PERIOD)) -> FlightMission:
     terrain, start = HeightField(np.zeros((3, 3)), 3000.0), (*path(0.0)[:2].tolist(), 500.0)
     return FlightMission(
         terrain, start, (5000.0, 5000.0, 500.0), gust=DeclaredGusts(0.5), beacons=beacons, position_noise=NOISE,
-        control_period=PERIOD,
+        control_period=PERIOD, position_rate=rate,
     )  # fmt: skip
 
 
@@ -50,29 +50,35 @@ def acceleration(t: float) -> Array:
 
 
 def flown(
-    estimator: Estimator, duration: float, *, late: bool = False, aside: float = 0.0, off: float = 0.0
+    estimator: Estimator, duration: float, *, late: bool = False, aside: float = 0.0, off: float = 0.0,
+    every: int = EVERY, gust: float = 0.0, seed: int = 3,
 ) -> Iterator[tuple[Estimate, Array]]:
-    """Estimates and positions (3,) of a flight; its readings are ``LATE``, or of a place that is ``off`` [m], from
-    BEGIN to END, or the vehicle is moved ``aside`` [m] at BEGIN.
+    """Estimates and positions (3,) of a flight; its readings, in ``every`` update, are ``LATE``, or of a place that is
+    ``off`` [m], from BEGIN to END, or the vehicle is moved ``aside`` [m] at BEGIN, or by gusts of ``gust`` [m/s^2].
     """
-    rng, among = np.random.default_rng(3), isinstance(estimator, Guarded)
+    rng, among = np.random.default_rng(seed), isinstance(estimator, Guarded)
+    blown, keep = np.zeros((3, 3)), math.exp(-PERIOD / DeclaredGusts(0.5).time_constant)  # place, velocity, gust
     for k in range(round(duration / PERIOD)):
         t = k * PERIOD
         ago = LATE if late and BEGIN <= t < END else 0.0
         outward = path(t) - np.array([3000.0, 2500.0, 500.0])
         moved = aside * outward / np.linalg.norm(outward) if t >= BEGIN else np.zeros(3)
+        if gust > 0.0 and BEGIN <= t < END:
+            blown[2] = keep * blown[2] + gust * math.sqrt(1.0 - keep**2) * rng.standard_normal(3)
+        blown[:2] += PERIOD * blown[1:]
+        moved = moved + blown[0]
         seen = path(t - ago) + moved + (off if BEGIN <= t < END else 0.0) * np.array([0.0, 0.6, 0.8])
         readings: tuple[Measurement, ...] = ()
-        if k % EVERY == 0 and among:
+        if k % every == 0 and among:
             ranges = slant_ranges(np.array(PLACES), seen)[0]
             readings = (Measurement(RANGES, t, ranges + NOISE * rng.standard_normal(len(PLACES))),)
-        elif k % EVERY == 0:
+        elif k % every == 0:
             readings = (Measurement("position", t, seen + NOISE * rng.standard_normal(3)),)
         yield estimator.update(t, readings, acceleration(t)), path(t) + moved
 
 
-def by_fixes() -> Estimator:
-    return Kalman.build(KalmanConfig(), mission_of())
+def by_fixes(rate: float = 10.0) -> Estimator:
+    return Kalman.build(KalmanConfig(timeout=4.0), mission_of(rate=rate))
 
 
 def by_window() -> Estimator:
@@ -110,6 +116,20 @@ def test_fixes_that_leap_may_be_off_by_that_until_they_leap_back(estimator: Esti
     last, error = sure[-1]
     assert last.t > DURATION - 1.0
     assert error < 3.0 * deviation(last) < 6.0
+
+
+def test_a_leap_of_fixes_that_come_once_a_second_is_remembered_too() -> None:
+    found = [(e, float(np.linalg.norm(e.x[:3] - x))) for e, x in flown(by_fixes(1.0), DURATION, off=40.0, every=30)]
+    sure = [e.t for e, error in found if e.status is Status.OK and error > 3.0 * deviation(e)]
+    assert len(sure) * PERIOD < 2.0
+    assert sum(e.status is Status.OK for e, _ in found if BEGIN < e.t < END) * PERIOD > 10.0  # it goes on by them
+    assert deviation(found[-1][0]) < 4.0
+
+
+def test_larger_gusts_are_no_leap() -> None:
+    for seed in (4, 6):
+        last = [e for e, _ in flown(by_fixes(), DURATION, gust=2.5, seed=seed)][-1]
+        assert deviation(last) < 8.0
 
 
 def deviation(estimate: Estimate) -> float:

@@ -233,7 +233,7 @@ class LeapModel:
         H = np.hstack([D, -tau * D, 0.5 * tau * tau * D, (D @ (tau * a - x[3:6]))[:, None], D])
         nu, PH = self._rows.innovations(step.y[rows], h, rows), P @ H.T
         S = H @ PH + self._rows.covariance(rows)
-        gain: Array = np.linalg.solve(S, PH.T).T
+        gain: Array = np.asarray(np.linalg.solve(S, PH.T).T, np.float64)
         square = float(nu @ np.linalg.solve(S, nu))
         most = float(chdtri(len(rows), _FAR))
         state.wider += float(np.linalg.slogdet(S)[1])

@@ -50,8 +50,15 @@ def acceleration(t: float) -> Array:
 
 
 def flown(
-    estimator: Estimator, duration: float, *, late: bool = False, aside: float = 0.0, off: float = 0.0,
-    every: int = EVERY, gust: float = 0.0, seed: int = 3,
+    estimator: Estimator,
+    duration: float,
+    *,
+    late: bool = False,
+    aside: float = 0.0,
+    off: float = 0.0,
+    every: int = EVERY,
+    gust: float = 0.0,
+    seed: int = 3,
 ) -> Iterator[tuple[Estimate, Array]]:
     """Estimates and positions (3,) of a flight; its readings, in ``every`` update, are ``LATE``, or of a place that is
     ``off`` [m], from BEGIN to END, or the vehicle is moved ``aside`` [m] at BEGIN, or by gusts of ``gust`` [m/s^2].

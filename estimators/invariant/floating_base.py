@@ -33,6 +33,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.estimators.invariant import strapdown
+from mathnavi.estimators.invariant.feet import SLIPS_FOR, FootWitness, StuckImu
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import Strapdown
@@ -72,7 +73,6 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 JointObserverName = Literal["riemannian_observer", "momentum_observer", "filtered_differences"]
 
-_SLIPS_FOR = 0.05  # [s] over which a foot's slip velocity stays the same
 _OBSERVERS: Mapping[str, Any] = {
     "riemannian_observer": RiemannianObserver,
     "momentum_observer": MomentumObserver,
@@ -119,10 +119,12 @@ class FloatingBaseIekf:
         self._imu = TimeoutMonitor(config.timeout, mission.period)
         self._switches = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
         self._limit = float(chdtri(3, config.gate))
+        self._witness = FootWitness(config.slip)
         noise = (self._base.gyro, self._base.accelerometer)
         x = mission.start_state
         nq, R = self._base.model.nq, rotation(x[ATTITUDE])
         v, omega = x[nq:][VELOCITY], x[nq:][RATE]
+        self._stuck_imu = StuckImu(noise)
         X = SE23.from_parts(
             R @ self._base.mounting, v + R @ cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
         )
@@ -214,6 +216,8 @@ class FloatingBaseIekf:
             self._joints, self._joint_rates = within.x[:nq][JOINT_POSITIONS], within.x[nq:][JOINT_RATES]
             message = waiting(status, "IMU readings") or within.message
             status = worst(status, within.status)
+        agreement, doubt = self._witness.doubt(t)
+        status, message = worst(status, agreement), doubt or message
         deviation = self._deviation()
         if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
             status = worst(status, Status.LOST)
@@ -232,6 +236,8 @@ class FloatingBaseIekf:
             reason = Unused.NOT_FINITE
         elif reading.name == IMU and reading.t < self._imu.t - TIME_TOLERANCE:
             reason = Unused.LATE
+        elif reading.name == IMU and self._stuck_imu.has(reading):
+            reason = Unused.OUTLIER
         if reason is not None:
             self._counts.add(reason)
         return reason is None
@@ -285,22 +291,31 @@ class FloatingBaseIekf:
         omega = base.mounting @ self._strapdown.rate
         fall = base.mounting @ self._strapdown.X[:3, :3].T @ base.gravity
         down, J = fall / max(float(np.linalg.norm(fall)), 1e-9), np.empty((3, model.nv))
-        variance = self._config.slip**2 * max(1.0, _SLIPS_FOR / h)
+        variance = self._config.slip**2 * max(1.0, SLIPS_FOR / h)
+        read: list[tuple[int, Array, Array]] = []  # foot, velocity and H of those that stand
+        body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
         for k in np.flatnonzero(still):
             site = base.feet[k]
             place = data.site_xpos[site] + base.radii[k] * down
             mujoco.mj_jac(model, data, J, None, place, int(model.site_bodyid[site]))
             z = base.mounting.T @ (cross(omega, base.offset - place) - J[:, JOINT_RATES] @ self._joint_rates)
-            body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
             H = np.zeros((3, len(self._strapdown.P)))
-            H[:, strapdown.TURN], H[:, strapdown.SPEED] = SO3.bracket(body_velocity), np.eye(3)
+            H[:, strapdown.SPEED] = np.eye(3)
             if self._strapdown.has_biases:  # the rate by which the foot's velocity is found has the gyro's
                 arm = SO3.bracket(base.mounting.T @ (base.offset - place))
                 H[:, strapdown.BIAS] = np.hstack([-arm, np.zeros((3, 3))])
+            read.append((int(k), z, H))
+        off = np.array([z - body_velocity for _, z, _ in read])
+        first = read[0][2]
+        self._witness.take(reading.t, off, first @ self._strapdown.P @ first.T, self._strapdown)
+        for foot, z, H in read:
+            body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
+            H[:, strapdown.TURN] = SO3.bracket(body_velocity)
             d, P, nis = condition(self._strapdown.P, H, z - body_velocity, variance * np.eye(3))
             if nis <= self._limit:
                 self._strapdown.correct(d, P)
-                self._standing[k] = 1.0
+                self._standing[foot] = 1.0
+                self._witness.used()
             else:
                 self._counts.add(Unused.OUTLIER)
 

@@ -125,16 +125,19 @@ class Strapdown:
             self.bias = self.bias + d[BIAS]
             self.rate = self.rate - d[BIAS][:3]
 
-    def widen(self, factor: float) -> None:
+    def widen(self, factor: float, *, place: bool = True) -> None:
         """Multiply the covariance by a ``factor`` >= 1 that readings show: the IMU may have come to read otherwise.
 
         Its biases are as unknown as that many times their declared variance, and go on changing by as much in
-        ``_SHAKEN``, less and less. The attitude is no more unknown than ``_FARTHEST``.
+        ``_SHAKEN``, less and less. The attitude is no more unknown than ``_FARTHEST``. Without ``place`` the position
+        stays as known as it was.
         """
         factor = min(factor, _WIDEST)
         variances = self.P.diagonal()
         scale = np.full(len(variances), math.sqrt(factor))
         scale[TURN] = max(1.0, min(scale[0], _FARTHEST / math.sqrt(variances[TURN].max())))
+        if not place:
+            scale[PLACE] = 1.0
         declared = WALK * self._walk
         if self._walk.size:
             known = np.maximum(variances[BIAS], 1e-30)  # one of the two may be declared to be exact

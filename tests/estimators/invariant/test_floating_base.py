@@ -122,10 +122,11 @@ def test_without_its_imu_the_last_reading_is_held_and_the_base_is_lost_and_never
     mission = LagrangianMission(
         MechanismSystem(mujoco.MjModel.from_xml_string(FLYING)), PositionQuality(1e-4), period=0.01
     )
-    estimator = FloatingBaseIekf.build(config, mission)
+    estimator, rng = FloatingBaseIekf.build(config, mission), np.random.default_rng(5)
 
     def update(k: int, *names: str) -> Estimate:
-        values = {IMU: np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81]), JOINTS: np.zeros(1)}
+        imu = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 9.81]) + 1e-6 * rng.standard_normal(6)
+        values = {IMU: imu, JOINTS: np.zeros(1)}
         return estimator.update(0.01 * k, [Measurement(name, 0.01 * k, values[name]) for name in names], np.zeros(2))
 
     for k in range(20):

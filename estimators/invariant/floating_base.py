@@ -11,7 +11,7 @@ So the velocity of the base, and with it the attitude relative to gravity, is ob
 and heading never are: they drift. In the air everything but the rate is integrated and drifts; ``base_deviation`` says
 by how much, and the estimate is lost once the velocity's standard deviation exceeds a limit. Without IMU readings the
 last one is held, and trusted less and less. What a gap that is longer than declared leaves unknown of position and
-heading is never found again: the estimate stays DEGRADED.
+heading is never found again: the estimate stays DEGRADED. So it is after an IMU has contradicted the feet (``feet``).
 
 The IMU's biases are states where their standard deviations are given. A base that begins at rest reads those of its
 gyro (see ``rest``). While a foot stands, the velocity shows the gyro's about the horizontal axes and the
@@ -25,6 +25,7 @@ with one, ``filtered_differences`` of what they read take its place, which run b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
@@ -73,6 +74,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 
 JointObserverName = Literal["riemannian_observer", "momentum_observer", "filtered_differences"]
 
+_LASTING_SLIP = 0.1  # of a foot's slip velocity, as of one that rolls, which stays the same for good
 _OBSERVERS: Mapping[str, Any] = {
     "riemannian_observer": RiemannianObserver,
     "momentum_observer": MomentumObserver,
@@ -112,19 +114,20 @@ class FloatingBaseIekf:
 
     Config = FloatingBaseIekfConfig
 
-    def __init__(self, config: FloatingBaseIekfConfig, mission: LagrangianMission) -> None:
+    def __init__(self, config: FloatingBaseIekfConfig, mission: LagrangianMission, *, monitored: bool = True) -> None:
+        """Without being ``monitored`` its IMU is not tested: to compare."""
         self.period = mission.period
         self._config, self._mission, self._base = config, mission, _base_of(mission)
         self._data = mujoco.MjData(self._base.model)
         self._imu = TimeoutMonitor(config.timeout, mission.period)
         self._switches = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
         self._limit = float(chdtri(3, config.gate))
-        self._witness = FootWitness(config.slip)
+        self._witness = FootWitness(config.slip) if monitored else None
         noise = (self._base.gyro, self._base.accelerometer)
         x = mission.start_state
         nq, R = self._base.model.nq, rotation(x[ATTITUDE])
         v, omega = x[nq:][VELOCITY], x[nq:][RATE]
-        self._stuck_imu = StuckImu(noise)
+        self._stuck_imu = StuckImu(noise if monitored else (0.0, 0.0))
         X = SE23.from_parts(
             R @ self._base.mounting, v + R @ cross(omega, self._base.offset), x[PLACE] + R @ self._base.offset
         )
@@ -146,6 +149,7 @@ class FloatingBaseIekf:
             for each in (self._observer, self._differences):
                 if each is not None:
                     each.ignore(slice(JOINT_RATES.start))  # the base is estimated, not read
+        self._since = math.nan  # [s] of the first call
         self._counts = ReadingCounts() if self._observer is None else self._observer.counts
         self._joint_rates = np.zeros(self._base.model.nv - JOINT_RATES.start)
         self._stood = np.zeros(len(self._base.feet), dtype=bool)
@@ -190,6 +194,7 @@ class FloatingBaseIekf:
         a standing foot that slides counts as an outlier.
         """
         self._standing[:] = 0.0
+        self._since = t if math.isnan(self._since) else self._since
         order = {IMU: 0, JOINTS: 1, FEET: 2}
         known = [reading for reading in measurements if self._is_known(reading, order)]
         joints: list[Measurement] = []
@@ -216,9 +221,10 @@ class FloatingBaseIekf:
             self._joints, self._joint_rates = within.x[:nq][JOINT_POSITIONS], within.x[nq:][JOINT_RATES]
             message = waiting(status, "IMU readings") or within.message
             status = worst(status, within.status)
-        agreement, doubt = self._witness.doubt(t)
-        status, message = worst(status, agreement), doubt or message
-        deviation = self._deviation()
+        if self._witness is not None:
+            agreement, doubt = self._witness.doubt(t)
+            status, message = worst(status, agreement), doubt or message
+        deviation = self._deviation(t)
         if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
             status = worst(status, Status.LOST)
         extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
@@ -305,9 +311,10 @@ class FloatingBaseIekf:
                 arm = SO3.bracket(base.mounting.T @ (base.offset - place))
                 H[:, strapdown.BIAS] = np.hstack([-arm, np.zeros((3, 3))])
             read.append((int(k), z, H))
-        off = np.array([z - body_velocity for _, z, _ in read])
-        first = read[0][2]
-        self._witness.take(reading.t, off, first @ self._strapdown.P @ first.T, self._strapdown)
+        if self._witness is not None:
+            off, (_, _, H) = np.array([z - body_velocity for _, z, _ in read]), read[0]
+            if self._witness.take(reading.t, off, H @ self._strapdown.P @ H.T, self._strapdown):
+                self._imu.restart(reading.t)  # what it has done to position and heading is never found again
         for foot, z, H in read:
             body_velocity = self._strapdown.X[:3, :3].T @ self._strapdown.X[:3, 3]
             H[:, strapdown.TURN] = SO3.bracket(body_velocity)
@@ -315,7 +322,8 @@ class FloatingBaseIekf:
             if nis <= self._limit:
                 self._strapdown.correct(d, P)
                 self._standing[foot] = 1.0
-                self._witness.used()
+                if self._witness is not None:
+                    self._witness.used()
             else:
                 self._counts.add(Unused.OUTLIER)
 
@@ -331,11 +339,12 @@ class FloatingBaseIekf:
         v = self._strapdown.X[:3, 3] - R @ cross(omega, self._base.offset)
         return np.concatenate([self._position(), v, omega, self._joint_rates])
 
-    def _deviation(self) -> Array:
-        """Standard deviations (9,) of attitude [rad], velocity [m/s] and position [m] along world axes."""
+    def _deviation(self, t: float) -> Array:
+        """Standard deviations (9,) at t [s] of attitude [rad], velocity [m/s] and position [m] along world axes."""
         P, R = self._strapdown.P, self._strapdown.X[:3, :3]
+        wandered = (_LASTING_SLIP * self._config.slip * (t - self._since)) ** 2 * np.eye(3)
         turn, speed, place = (P[part, part] for part in (strapdown.TURN, strapdown.SPEED, strapdown.PLACE))
-        turned = [turn, R @ speed @ R.T, R @ place @ R.T]
+        turned = [turn, R @ speed @ R.T, R @ place @ R.T + wandered]
         deviation: Array = np.sqrt(np.concatenate([np.diag(part) for part in turned]))
         return deviation
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import casadi
 import numpy as np
@@ -30,8 +30,9 @@ from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
-from mathnavi.interfaces.signals import Array, Estimate, Measurement
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.angles import wrapped
+from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.missile.coordinates import STEP, Coordinates
 from mathnavi.models.missile.dynamics import Body, rotation
 from mathnavi.models.missile.input_history import InputHistory
@@ -73,13 +74,14 @@ class MissileKalman:
 
     Config = MissileKalmanConfig
 
-    def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
+    def __init__(self, config: MissileKalmanConfig, mission: MissileMission, *, monitored: bool = True) -> None:
+        """The filter; without its tests of innovations it is as sure as its covariance unless it is ``monitored``."""
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
         interval = mission.control_period if config.rate is None else 1.0 / config.rate
         self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout, interval), np.array(mission.input_max)
-        self._size = coordinates.state_size
-        self._step = transition(coordinates, mission.body, config.time_constant)
+        self._size, self._monitored = coordinates.state_size, monitored
+        self._step = Transition(coordinates, mission.body, config.time_constant)
         self._input_of = disturbing_input(coordinates)
         disturbance = disturbance_deviation(config, mission)
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
@@ -144,8 +146,8 @@ class MissileKalman:
                 self._condition(reading)
         self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
-        integrity = self._monitor.status(t)
-        P = 0.5 * self._monitor.inflation * (P + P.T)
+        integrity = self._monitor.status(t) if self._monitored else Status.OK
+        P = 0.5 * (self._monitor.inflation if self._monitored else 1.0) * (P + P.T)
         status = worst(self._timeout_monitor.status(t, P), integrity)
         extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
@@ -172,12 +174,10 @@ class MissileKalman:
         """Advance by h [s] with the input held."""
         while h > TIME_TOLERANCE:
             step = min(h, STEP)
-            after, F = self._step(self._filter.x, u, step)
-            self._filter.F = np.array(F)
+            self._filter.x, F = self._step(self._filter.x, u, step)
             noise = np.zeros(len(self._filter.x))
             noise[self._size :] = step * self._intensity
-            self._filter.Q = self._filter.F * noise @ self._filter.F.T
-            self._filter.predict(np.array(after).ravel())
+            self._filter.P = F.dot(self._filter.P).dot(F.T) + F * noise @ F.T
             h -= step
 
     def _condition(self, reading: Measurement) -> None:
@@ -232,6 +232,35 @@ def disturbing_input(coordinates: Coordinates) -> casadi.Function:
     d = z[coordinates.state_size :]
     made = casadi.vertcat(R.T @ d[: len(axes)], d[len(axes) :])
     return casadi.Function("disturbing_input", [z], [made])
+
+
+class Transition:
+    """``transition`` of arrays."""
+
+    def __init__(self, coordinates: Coordinates, body: Body, time_constant: float) -> None:
+        self._of = coordinates, body, time_constant
+        n, nu = coordinates.state_size + coordinates.input_size, coordinates.input_size
+        self._given = np.zeros(n), np.zeros(nu), np.zeros(1)
+        self._found = np.zeros(n), np.zeros(n * n)
+        self._evaluate = BufferedFunction(_dense(transition(*self._of)), self._given, self._found)
+
+    def __reduce__(self) -> Any:
+        return Transition, self._of
+
+    def __call__(self, x: Array, u: Array, h: float) -> tuple[Array, Array]:
+        """(x, d) (n,) after h [s] from (x, d) with the input u (nu,) held, and its Jacobian (n, n)."""
+        at, held, length = self._given
+        at[:], held[:], length[0] = x, u, h
+        self._evaluate()
+        after, columns = self._found
+        return after.copy(), columns.reshape(len(at), len(at)).T.copy()
+
+
+@lru_cache(maxsize=8)
+def _dense(step: casadi.Function) -> casadi.Function:
+    """A function with the same results, with every entry of them."""
+    given = step.sx_in()
+    return casadi.Function("dense", given, [casadi.densify(each) for each in step(*given)])
 
 
 @lru_cache(maxsize=8)

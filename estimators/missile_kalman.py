@@ -21,7 +21,8 @@ import casadi
 import numpy as np
 
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
-from mathnavi.estimators.kalman_steps import external_prediction_ekf
+from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
+from mathnavi.estimators.missile_channels import Channels, Reading
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
@@ -96,6 +97,10 @@ class MissileKalman:
         self._inputs = InputHistory(mission.input_delay, len(disturbance))
         self._called: float | None = None  # [s] of the last call
         self._monitor = InnovationMonitor("readings", self._size, interval)
+        noisy = mission.noise.deviations(coordinates) > 0.0
+        self._noisy = bool(noisy.any())
+        self._channels = Channels(coordinates, self._filter.R, noisy, interval)
+        self._Phi = np.eye(len(self._filter.x))  # transition since the last reading
         self._counts = ReadingCounts()
         self._innovations = np.full((2, self._size), np.nan)  # of the last reading, and their deviations
 
@@ -146,13 +151,20 @@ class MissileKalman:
                 self._condition(reading)
         self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
-        integrity = self._monitor.status(t) if self._monitored else Status.OK
         P = 0.5 * (self._monitor.inflation if self._monitored else 1.0) * (P + P.T)
-        status = worst(self._timeout_monitor.status(t, P), integrity)
+        status, doubt = self._timeout_monitor.status(t, P), ""
+        if self._monitored:
+            integrity = self._monitor.status(t)
+            status, doubt = worst(status, integrity, self._channels.status(t)), self._monitor.message
+            doubt = self._channels.message or doubt
+            if (leap := self._channels.leap) is not None:
+                rows, off = leap
+                P[np.ix_(rows, rows)] += np.outer(off, off)
         extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
-        message = waiting(status, "a reading of full_state") or self._monitor.message
-        return Estimate(t, x[: self._size].copy(), P, status, extra, message)
+        return Estimate(
+            t, x[: self._size].copy(), P, status, extra, waiting(status, "a reading of full_state") or doubt
+        )
 
     def _predict(self, t: float) -> None:
         """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'
@@ -165,6 +177,7 @@ class MissileKalman:
             self._inputs.forget(t)
             self._filter.x[self._size :] = 0.0
             self._filter.P = self._anywhere.copy()
+            self._channels.begin_again(t)
         else:
             for h, u in self._inputs.acting(self._t, self._t + ahead):
                 self._advance(h, u)
@@ -178,6 +191,7 @@ class MissileKalman:
             noise = np.zeros(len(self._filter.x))
             noise[self._size :] = step * self._intensity
             self._filter.P = F.dot(self._filter.P).dot(F.T) + F * noise @ F.T
+            self._Phi = F @ self._Phi
             h -= step
 
     def _condition(self, reading: Measurement) -> None:
@@ -187,13 +201,41 @@ class MissileKalman:
         if not np.isfinite(reading.value).all():
             self._counts.add(Unused.NOT_FINITE)
             return
-        n, R = self._size, self._filter.R
-        nu = self._difference(reading.value, self._filter.x[:n])
-        S = self._filter.P[:n, :n] + R
+        if self._monitored and self._is_stuck(reading):
+            self._counts.add(Unused.OUTLIER)
+            return
+        n, R, used = self._size, self._filter.R, self._channels.used
+        before, P_before = self._filter.x, self._filter.P
+        nu = self._difference(reading.value, before[:n])
+        S = P_before[:n, :n] + R
         self._innovations[0], self._innovations[1] = nu, np.sqrt(S.diagonal())
-        self._monitor.note(reading.t, nu, S, R)
-        self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
+        self._monitor.note(reading.t, nu, S, R, used)
+        if used is None:
+            self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
+        else:
+            moved, self._filter.P, _ = condition(P_before, self._H[used], nu[used], R[np.ix_(used, used)])
+            self._filter.x = before + moved
+            self._counts.add(Unused.OUTLIER, int((~used).sum()))
         self._timeout_monitor.note(reading.t)
+        if self._monitored:
+            noted = Reading(self._Phi, before, P_before, nu, self._filter.x, self._filter.P, reading.t)
+            self._go_on_without(self._channels.note(noted, S, alarming=self._monitor.alarming))
+            if self._monitor.disagrees and used is not None:
+                self._channels.begin_again(reading.t)
+        self._Phi = np.eye(len(before))
+
+    def _is_stuck(self, reading: Measurement) -> bool:
+        """True for a reading with noise that has read the same many times; a channel that has is left out."""
+        if self._noisy and self._monitor.note_value(reading.t, reading.value):
+            return True
+        self._go_on_without(self._channels.stuck(reading.value))
+        return False
+
+    def _go_on_without(self, found: tuple[Array, Array] | None) -> None:
+        """Go on with state and covariance without a channel, if it has just been left out."""
+        if found is not None:
+            self._filter.x, self._filter.P = found
+            self._monitor.explain()
 
     def _difference(self, reading: Array, expected: Array) -> Array:
         error: Array = reading - expected

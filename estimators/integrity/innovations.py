@@ -64,8 +64,19 @@ class InnovationMonitor:
         self.alarming = False
         """whether the newest reading alarmed"""
 
-    def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
-        """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
+    @property
+    def disagrees(self) -> bool:
+        """True once so many readings in a row are off by more than chance allows that the estimate is lost."""
+        return self.in_a_row >= _IN_A_ROW
+
+    def note(self, t: float, nu: Array, S: Array, R: Array, used: Flags | None = None) -> None:
+        """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m).
+
+        Only the components that are ``used`` (m,) are tested, if given.
+        """
+        if used is not None:
+            tested = np.full(self._m, math.nan)
+            nu, S, R = nu[used], S[np.ix_(used, used)], R[np.ix_(used, used)]
         if t - self._t > _GAP * self._interval and self._t > -math.inf:  # nothing was tested meanwhile
             gap = t - self._t - self._interval
             self._alarmed, self._lost = self._alarmed + gap, self._lost + gap
@@ -81,7 +92,11 @@ class InnovationMonitor:
         far = float(white @ white) > self._outlier
         if self.in_a_row >= _IN_A_ROW and not far:  # what was read while it was lost says nothing of where it is now
             self._windows.clear()
-        self._windows.add(nu / np.sqrt(S.diagonal()), white)
+        e = nu / np.sqrt(S.diagonal())
+        if used is not None:
+            tested[used] = e
+            e = tested
+        self._windows.add(e, white)
         self.in_a_row = self.in_a_row + 1 if far else 0
         worst = self._windows.worst(self._every)
         if worst.ratio > 1.0:
@@ -131,6 +146,11 @@ class InnovationMonitor:
         """Forget the innovations of an estimate that has begun again; what it was found to be stays."""
         self._windows.clear()
         self.in_a_row, self.inflation = 0, 1.0
+
+    def explain(self) -> None:
+        """Take what was found so far as explained: by components that are used no more, of an estimate without them."""
+        self.begin_again()
+        self._lost, self.alarming = -math.inf, False
 
     def status(self, t: float) -> Status:
         """Status at t [s] as far as the readings agree with the estimate."""

@@ -16,8 +16,9 @@ about zero or less if all are as declared, or noisier. The channel with the larg
 and much larger than those of the others. So is one with noise that has read the same six times. It is read again once
 it has agreed with the estimate for 2 s. Until 2 s later the estimate is DEGRADED.
 
-A position that leaps may be that of a missile that was moved: D being the mean by which it is off, D D' is added to the
-covariance.
+A position that leaps by d, which no other channel tells, may be that of a missile that was moved, or of an estimate
+that was wrong before. While it is left out d d' is added to the covariance. If it stays where it is for 20 s it is
+followed, and leaps that were are added up to D, which leaves D D' in the covariance until a leap of -D undoes it.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.estimators.integrity.innovations import LATCHED
 from mathnavi.estimators.integrity.repeats import STUCK
 from mathnavi.estimators.integrity.windows import Flags
-from mathnavi.interfaces.signals import Array, Integers, Status
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -70,6 +72,7 @@ class Channels:
         self._rows = [
             np.array([k for k, unit in enumerate(units) if _NAMES[unit] == name], np.int64) for name in self._names
         ]
+        self._position = self._names.index("position")
         self._sizes = np.array([len(rows) for rows in self._rows])
         self._R, self._noisy, self._every = R, noisy, np.ones(len(units), dtype=np.bool_)
         self._without = np.array([R] * len(self._rows))
@@ -79,6 +82,8 @@ class Channels:
         self._readings: deque[Reading] = deque(maxlen=_MOST)
         self._last, self._repeats = np.full(len(units), math.nan), np.zeros(len(units), np.int64)
         self._out: int | None = None  # the channel that is left out
+        self._left = -math.inf  # [s] since when
+        self._leapt: tuple[Array, Array] | None = None  # D [m] and its variances [m^2]
         self._recent: deque[tuple[Array, Array]] = deque(maxlen=max(10, round(_AGREES / interval)))
         self._alarm = math.inf  # [s] first of the alarms
         self._alarmed = self._tried = self._ended = -math.inf  # [s] last one, last attempt, and a channel read again
@@ -97,12 +102,14 @@ class Channels:
         """What is left out, or ""."""
         return "" if self._out is None else f"leaves out the {self._names[self._out]}, which disagrees"
 
-    @property
-    def leap(self) -> tuple[Integers, Array] | None:
-        """Rows of a position that is left out, and the mean D by which it is off; None if it is not."""
-        if self._out is None or self._names[self._out] != "position" or not self._recent:
-            return None
-        return self._rows[self._out], np.mean([nu for nu, _ in self._recent], axis=0)
+    def add_leaps(self, P: Array) -> None:
+        """Add D D' and d d' to a covariance P (nx, nx) of the state, in place."""
+        leaps = [] if self._leapt is None else [self._leapt[0]]
+        if self._out == self._position and self._recent:
+            leaps.append(np.mean([nu for nu, _ in self._recent], axis=0))
+        at = self._rows[self._position]
+        for leap in leaps:
+            P[np.ix_(at, at)] += np.outer(leap, leap)
 
     def status(self, t: float) -> Status:
         """Status at t [s] as far as all channels are used."""
@@ -114,9 +121,10 @@ class Channels:
         if self._out is not None:
             self._out, self._ended = None, t
 
-    def stuck(self, y: Array) -> tuple[Array, Array] | None:
-        """Take what is read (m,). Where a channel is stuck, leave it out, and return state and covariance without it,
-        as far as readings are kept.
+    def stuck(self, t: float, y: Array) -> tuple[Array, Array] | None:
+        """Take what is read (m,) at t [s]. Where a channel is stuck, leave it out.
+
+        Returns delta (n,) and Delta (n, n) without it after the last reading, None if no readings are kept.
         """
         self._repeats = np.where(y == self._last, self._repeats + 1, 0)
         self._last = y.copy()
@@ -124,18 +132,18 @@ class Channels:
             return None
         channel = next(k for k, rows in enumerate(self._rows) if stuck[rows].any())
         found = self._again() if self._readings else None
-        self._leave_out(channel)
+        self._leave_out(channel, t)
         return None if found is None else (found[1][channel], found[2][channel])
 
     def note(self, reading: Reading, S: Array, *, alarming: bool) -> tuple[Array, Array] | None:
         """Note a reading, with S (m, m) of its innovation, and whether it alarmed.
 
-        Returns the state (n,) and its covariance (n, n) without a channel that is left out from now on.
+        Returns delta (n,) and Delta (n, n) of state and covariance where they are others: without a channel that is
+        left out from now on, or at a position that is followed from now on.
         """
         t = reading.t
         if self._out is not None:
-            self._judge(t, reading.nu, S)
-            return None
+            return self._judge(reading, S)
         if t - self._alarmed > _SINCE:
             self._alarm = math.inf
         if alarming:
@@ -149,33 +157,45 @@ class Channels:
         if not alarming or self._readings[0].t > self._alarm - _BEFORE or t - self._tried < _AGAIN - TIME_TOLERANCE:
             return None
         self._tried = t
-        gains, states, covariances = self._again()
+        gains, deltas, Deltas = self._again()
         channel, second = np.argsort(gains)[[-1, -2]].tolist()
         if gains[channel] < max(_EXPLAINS, float(gains[second]) + _MORE):
             return None
-        self._leave_out(channel)
-        return states[channel], covariances[channel]
+        self._leave_out(channel, t)
+        return deltas[channel], Deltas[channel]
 
-    def _leave_out(self, channel: int) -> None:
-        self._out = channel
+    def _leave_out(self, channel: int, t: float) -> None:
+        self._out, self._left = channel, t
         self._readings.clear()
         self._recent.clear()
 
-    def _judge(self, t: float, nu: Array, S: Array) -> None:
-        """Use the channel that is left out again once it agrees."""
+    def _judge(self, reading: Reading, S: Array) -> tuple[Array, Array] | None:
+        """Use the channel that is left out again once it agrees, or is a position that is to be followed."""
         assert self._out is not None
-        rows, recent = self._rows[self._out], self._recent
+        rows, recent, t = self._rows[self._out], self._recent, reading.t
         variance, noise = S[rows, rows], self._R[rows, rows]
-        recent.append((nu[rows], nu[rows] ** 2 / variance))
+        recent.append((reading.nu[rows], reading.nu[rows] ** 2 / variance))
         if len(recent) < (recent.maxlen or 0) or self._repeats[rows].any():
-            return
+            return None
         mean, square = (np.mean(each, axis=0) for each in zip(*recent, strict=True))
-        most = _RECENT * np.sqrt(variance - noise + noise / len(recent))
-        if (np.abs(mean) <= most).all() and (square <= _NOISE).all():
+        spread = variance - noise + noise / len(recent)
+        if (np.abs(mean) <= _RECENT * np.sqrt(spread)).all() and (square <= _NOISE).all():
             self._out, self._ended = None, t
+            return None
+        if self._out != self._position or (square - mean**2 / variance > _NOISE).any():
+            return None
+        D, unsure = (np.zeros(len(rows)), spread) if self._leapt is None else self._leapt
+        is_back = self._leapt is not None and (np.abs(D + mean) <= _RECENT * np.sqrt(unsure + spread)).all()
+        if not is_back and t - self._left < LATCHED:
+            return None
+        self._leapt = None if is_back else (D + mean, unsure + spread)
+        self._out, self._ended = None, t
+        delta, Delta = np.zeros(len(reading.after)), np.zeros_like(reading.P_after)
+        delta[rows], Delta[rows, rows] = mean, noise / len(recent)
+        return delta, Delta
 
     def _again(self) -> tuple[Array, Array, Array]:
-        """G (c,) of the channels, and states (c, n) and covariances (c, n, n) without each, after the last reading."""
+        """G (c,) of the channels, and delta (c, n) and Delta (c, n, n) of each after the last reading."""
         c, m, n = len(self._rows), len(self._R), len(self._readings[0].before)
         delta, Delta = np.zeros((c, n)), np.zeros((c, n, n))
         squares = np.empty((len(self._readings), c + 1))
@@ -194,4 +214,4 @@ class Channels:
         squares = np.minimum(squares, self._clip)
         larger = np.maximum(squares[:, 1:].mean(axis=0) / (m - self._sizes), 1.0)
         explained = (squares[:, :1] - squares[:, 1:]) / larger - self._sizes
-        return np.cumsum(explained[::-1], axis=0).max(axis=0), x, P
+        return np.cumsum(explained[::-1], axis=0).max(axis=0), delta, Delta

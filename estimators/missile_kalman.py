@@ -31,7 +31,7 @@ from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
-from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.angles import wrapped
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.missile.coordinates import STEP, Coordinates
@@ -41,6 +41,7 @@ from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
+_FORGOTTEN = 0.3  # [rad] deviation of an attitude after a gap from which on a reading says more
 _FAR = 1e4  # times the standard deviations of a reading: a state of which nothing is known
 
 
@@ -157,9 +158,7 @@ class MissileKalman:
             integrity = self._monitor.status(t)
             status, doubt = worst(status, integrity, self._channels.status(t)), self._monitor.message
             doubt = self._channels.message or doubt
-            if (leap := self._channels.leap) is not None:
-                rows, off = leap
-                P[np.ix_(rows, rows)] += np.outer(off, off)
+            self._channels.add_leaps(P)
         extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
         return Estimate(
@@ -175,13 +174,23 @@ class MissileKalman:
         ahead = time_ahead(t, self._t)
         if ahead > FARTHEST:
             self._inputs.forget(t)
-            self._filter.x[self._size :] = 0.0
-            self._filter.P = self._anywhere.copy()
-            self._channels.begin_again(t)
+            self._begin_again(t)
         else:
             for h, u in self._inputs.acting(self._t, self._t + ahead):
                 self._advance(h, u)
         self._t = t
+
+    def _begin_again(self, t: float) -> None:
+        """Forget where the missile is at t [s], and what disturbs it."""
+        self._filter.x = np.concatenate([self._filter.x[: self._size], np.zeros(len(self._intensity))])
+        self._filter.P = self._anywhere.copy()
+        self._channels.begin_again(t)
+
+    @property
+    def _has_turned_anyhow(self) -> bool:
+        """True where so little is left of the attitude that no linearisation holds."""
+        angles = self._coordinates.angles
+        return not bool(self._filter.P[angles, angles].max() < _FORGOTTEN**2)  # NaN too
 
     def _advance(self, h: float, u: Array) -> None:
         """Advance by h [s] with the input held."""
@@ -205,6 +214,9 @@ class MissileKalman:
             self._counts.add(Unused.OUTLIER)
             return
         n, R, used = self._size, self._filter.R, self._channels.used
+        if reading.t - self._timeout_monitor.t > self._timeout_monitor.longest and self._has_turned_anyhow:
+            self._begin_again(reading.t)
+            self._filter.x[:n] = reading.value
         before, P_before = self._filter.x, self._filter.P
         nu = self._difference(reading.value, before[:n])
         S = P_before[:n, :n] + R
@@ -217,24 +229,26 @@ class MissileKalman:
             self._filter.x = before + moved
             self._counts.add(Unused.OUTLIER, int((~used).sum()))
         self._timeout_monitor.note(reading.t)
+        noted = Reading(self._Phi, before, P_before, nu, self._filter.x, self._filter.P, reading.t)
+        self._Phi = np.eye(len(before))
         if self._monitored:
-            noted = Reading(self._Phi, before, P_before, nu, self._filter.x, self._filter.P, reading.t)
-            self._go_on_without(self._channels.note(noted, S, alarming=self._monitor.alarming))
+            self._change(self._channels.note(noted, S, alarming=self._monitor.alarming))
             if self._monitor.disagrees and used is not None:
                 self._channels.begin_again(reading.t)
-        self._Phi = np.eye(len(before))
 
     def _is_stuck(self, reading: Measurement) -> bool:
         """True for a reading with noise that has read the same many times; a channel that has is left out."""
         if self._noisy and self._monitor.note_value(reading.t, reading.value):
             return True
-        self._go_on_without(self._channels.stuck(reading.value))
+        self._change(self._channels.stuck(reading.t, reading.value))
         return False
 
-    def _go_on_without(self, found: tuple[Array, Array] | None) -> None:
-        """Go on with state and covariance without a channel, if it has just been left out."""
+    def _change(self, found: tuple[Array, Array] | None) -> None:
+        """Change state and covariance by what they were found to differ by after the last reading, if anything."""
         if found is not None:
-            self._filter.x, self._filter.P = found
+            delta, Delta = found
+            self._filter.x = self._filter.x + self._Phi @ delta
+            self._filter.P = self._filter.P + self._Phi @ Delta @ self._Phi.T
             self._monitor.explain()
 
     def _difference(self, reading: Array, expected: Array) -> Array:

@@ -25,7 +25,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.excess import chances, factor_of
 from mathnavi.estimators.integrity.repeats import STUCK, Repeats
-from mathnavi.estimators.integrity.windows import ENERGY, MEAN, QUIET, Thresholds, Windows
+from mathnavi.estimators.integrity.windows import ENERGY, MEAN, QUIET, Flags, Thresholds, Windows
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -75,7 +75,6 @@ class InnovationMonitor:
         Only the components that are ``used`` (m,) are tested, if given.
         """
         if used is not None:
-            tested = np.full(self._m, math.nan)
             nu, S, R = nu[used], S[np.ix_(used, used)], R[np.ix_(used, used)]
         if t - self._t > _GAP * self._interval and self._t > -math.inf:  # nothing was tested meanwhile
             gap = t - self._t - self._interval
@@ -94,8 +93,7 @@ class InnovationMonitor:
             self._windows.clear()
         e = nu / np.sqrt(S.diagonal())
         if used is not None:
-            tested[used] = e
-            e = tested
+            e, white = _spread(e, used), _spread(white, used)
         self._windows.add(e, white)
         self.in_a_row = self.in_a_row + 1 if far else 0
         worst = self._windows.worst(self._every)
@@ -161,3 +159,10 @@ class InnovationMonitor:
             return Status.DEGRADED
         self.message = ""
         return Status.OK
+
+
+def _spread(values: Array, used: Flags) -> Array:
+    """Values at their places among the components (m,), NaN elsewhere."""
+    spread = np.full(len(used), math.nan)
+    spread[used] = values
+    return spread

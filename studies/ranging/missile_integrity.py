@@ -179,8 +179,9 @@ def flown(rng: np.random.Generator, mission: MissileMission, fault: str) -> Stat
 def _turned(x: Array, force: Array) -> Array:
     """R' f (3,) along the axes of the body of a force f (3,) of the Earth frame."""
     (s, c), (sin, cos) = ((math.sin(angle), math.cos(angle)) for angle in x[ATTITUDE].tolist())
-    R = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]) @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0, 0, 1]])
-    return np.asarray(R.T @ force, np.float64)
+    pitch = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    yaw = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray((pitch @ yaw).T @ force, np.float64)
 
 
 def _mission() -> MissileMission:

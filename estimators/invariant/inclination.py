@@ -63,7 +63,7 @@ _LONGEST = 2.1  # periods between readings, one of which was lost, with some jit
 _TURN_CHANGES = 2.0  # [rad^2/s^3] density of the change of the rate of turn in a gap: 1 rad/s in half a second
 _FORGOTTEN = 0.3  # [rad] standard deviation of the inclination from which on a reading says more
 _CREEP, _CREEPS_FOR = 0.01, 0.5  # [m/s] standard deviation of the velocity at rest, and for how long it is the same [s]
-_APART = 3.0  # of the time 1 / omega_c, after which velocities are nearly independent
+APART = 3.0  # of the time 1 / omega_c, after which velocities are nearly independent
 
 
 @configuration
@@ -97,7 +97,7 @@ class InertialAttitude:
         self._parameters = parameters
         self._tilt = (imu.accelerometer_bias / mission.gravity) ** 2  # [rad^2] that the accelerometer's bias makes
         self._readings = TimeoutMonitor(config.timeout, mission.period)
-        self._monitor = InnovationMonitor("velocities", 2, _APART / mission.corner)
+        self._monitor = InnovationMonitor("velocities", 2, APART / mission.corner)
         self._tested = -math.inf  # [s] when the velocity was last tested
         self._innovations = np.full((2, 2), np.nan)  # of that test in the last call, and their deviations
         self._quiet = QuietWindow(imu, mission.period)
@@ -176,7 +176,7 @@ class InertialAttitude:
         self._at_rest = self._quiet.take(reading)
         still = self._quiet.oldest
         step(self._q, self._motion, self._bias, self._P, reading, h, self._at_rest, still, self._parameters)
-        if self._found and t - self._tested >= _APART / self._mission.corner - TIME_TOLERANCE:
+        if self._found and t - self._tested >= APART / self._mission.corner - TIME_TOLERANCE:
             self._tested = t
             R = self._mission.speed**2 * np.eye(2)
             nu, S = self._motion[:2].copy(), self._P[3:5, 3:5] + R

@@ -1,7 +1,7 @@
 """The part of the study of integrity by a gyro and an accelerometer alone: a device in a hand.
 
-It rests, then is turned about all axes and moved about a place. Nothing shows its heading, so its inclination is judged:
-the turn about horizontal axes from the true vertical to the estimated one. There is no protection level.
+It rests, then is turned about all axes and moved about a place. Nothing shows its heading, so its inclination is
+judged: the turn about horizontal axes from the true vertical to the estimated one. There is no protection level.
 """
 
 from __future__ import annotations
@@ -160,11 +160,11 @@ def watched(run: Watched) -> Outcome:
     during, faulty = slice(round(ONSET / PERIOD), round(END / PERIOD)), _quiet(device)
     FAULTS[run.fault](faulty, during, copy.deepcopy(rng))
     FAULTS[run.fault](device, during, rng)
-    estimator = InertialAttitude(InertialAttitudeConfig(), MISSION)
+    estimator = InertialAttitude(InertialAttitudeConfig(), MISSION, monitored=run.monitored)
     estimates = [
         _inclined(estimator.update(*update), R) for update, R in zip(_updates(device), device.attitudes, strict=True)
     ]
-    found = findable(faulty, without, during, run.fault)
+    found = findable(faulty, without, during)
     return judged(estimates, np.zeros((len(estimates), 2)), found, TIMING, blocks=BLOCKS)
 
 
@@ -182,12 +182,12 @@ def _inclined(estimate: Estimate, R: Array) -> Estimate:
     )  # fmt: skip
 
 
-def findable(faulty: Handled, without: Handled, during: slice, fault: str) -> Flags:
+def findable(faulty: Handled, without: Handled, during: slice) -> Flags:
     """True (n,) from the update on at which a fault can be found, of a motion without noise, by what it makes of the
     velocities that are tested of the one ``without`` it; as of the other flights.
     """
     e = _innovations(faulty) - _innovations(without)
-    rho, chance = np.ones(len(e)), np.zeros(len(e))
+    chance, rho = np.zeros(len(e)), np.ones(len(e))
     read = np.flatnonzero(np.isfinite(e[:, 0]))
     interval = APART / MISSION.corner
     chance[read] = by_windows(e[read], rho[read], InnovationMonitor("velocities", 2, interval).thresholds)
@@ -196,6 +196,6 @@ def findable(faulty: Handled, without: Handled, during: slice, fault: str) -> Fl
 
 def _innovations(device: Handled) -> Array:
     """Velocities (n, 2) that are tested, each over its deviation; NaN in the updates without a test."""
-    estimator = InertialAttitude(InertialAttitudeConfig(), MISSION)
+    estimator = InertialAttitude(InertialAttitudeConfig(), MISSION, monitored=False)
     extras = [estimator.update(*update).extra for update in _updates(device)]
     return np.array([extra["innovations"] / extra["innovation_std"] for extra in extras])

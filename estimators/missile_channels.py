@@ -19,6 +19,8 @@ it has agreed with the estimate for 2 s. Until 2 s later the estimate is DEGRADE
 A position that leaps by d, which no other channel tells, may be that of a missile that was moved, or of an estimate
 that was wrong before. While it is left out d d' is added to the covariance. If it stays where it is for 20 s it is
 followed, and leaps that were are added up to D, which leaves D D' in the covariance until a leap of -D undoes it.
+Readings that are late by tau leap by -tau v: after a D against the velocity v the estimate is DEGRADED until then, for
+all channels may be late.
 """
 
 from __future__ import annotations
@@ -44,6 +46,7 @@ _UNREAD = 1e8  # times the variance of a reading, of one that is not used
 _CHANCE = 1e-9  # of the square of a reading from which on it counts no more
 _AGREES, _RECENT = 2.0, 3.5  # [s] until a channel is read again; deviations of its mean
 _NOISE = 2.0  # times the declared variance of one that is read again, at most
+_ASIDE = 0.3  # of the length of a leap against the velocity, across it at most
 _SETTLES = 2.0  # [s] from then on
 _NAMES = {"m": "position", "m/s": "velocity", "rad": "attitude", "rad/s": "rates"}
 
@@ -72,7 +75,8 @@ class Channels:
         self._rows = [
             np.array([k for k, unit in enumerate(units) if _NAMES[unit] == name], np.int64) for name in self._names
         ]
-        self._position = self._names.index("position")
+        self._coordinates, self._position = coordinates, self._names.index("position")
+        self._is_late = False  # whether D may be that of late readings
         self._sizes = np.array([len(rows) for rows in self._rows])
         self._R, self._noisy, self._every = R, noisy, np.ones(len(units), dtype=np.bool_)
         self._without = np.array([R] * len(self._rows))
@@ -99,8 +103,10 @@ class Channels:
 
     @property
     def message(self) -> str:
-        """What is left out, or ""."""
-        return "" if self._out is None else f"leaves out the {self._names[self._out]}, which disagrees"
+        """What is left out, or else in doubt, or ""."""
+        if self._out is not None:
+            return f"leaves out the {self._names[self._out]}, which disagrees"
+        return "has readings that may be late" if self._is_late else ""
 
     def add_leaps(self, P: Array) -> None:
         """Add D D' and d d' to a covariance P (nx, nx) of the state, in place."""
@@ -113,7 +119,8 @@ class Channels:
 
     def status(self, t: float) -> Status:
         """Status at t [s] as far as all channels are used."""
-        return Status.OK if self._out is None and t - self._ended >= _SETTLES else Status.DEGRADED
+        settled = self._out is None and t - self._ended >= _SETTLES
+        return Status.OK if settled and not self._is_late else Status.DEGRADED
 
     def begin_again(self, t: float) -> None:
         """Use all channels from t [s] on, of an estimate that may be anywhere."""
@@ -189,10 +196,19 @@ class Channels:
         if not is_back and t - self._left < LATCHED:
             return None
         self._leapt = None if is_back else (D + mean, unsure + spread)
+        self._is_late = not is_back and self._may_be_late(D + mean, unsure + spread, reading.after)
         self._out, self._ended = None, t
         delta, Delta = np.zeros(len(reading.after)), np.zeros_like(reading.P_after)
         delta[rows], Delta[rows, rows] = mean, noise / len(recent)
         return delta, Delta
+
+    def _may_be_late(self, D: Array, variance: Array, x: Array) -> bool:
+        """True for a leap D of a position with some ``variance`` that is against the velocity at x (n,)."""
+        axes = [("x_e", "y_e", "z_e").index(self._coordinates.states[k]) for k in self._rows[self._position]]
+        v = self._coordinates.velocity(x[: len(self._R)])[axes]
+        unsure, speed, length = _RECENT * math.sqrt(variance.max()), float(np.linalg.norm(v)), float(np.linalg.norm(D))
+        tau = -float(D @ v) / max(speed, 1e-9) ** 2
+        return tau * speed > unsure and float(np.linalg.norm(D + tau * v)) <= max(unsure, _ASIDE * length)
 
     def _again(self) -> tuple[Array, Array, Array]:
         """G (c,) of the channels, and delta (c, n) and Delta (c, n, n) of each after the last reading."""

@@ -15,13 +15,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import casadi
 import numpy as np
 
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
-from mathnavi.estimators.kalman_steps import external_prediction_ekf
+from mathnavi.estimators.kalman_steps import condition, external_prediction_ekf
+from mathnavi.estimators.missile_channels import Channels, Reading
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.angles import Radians
 from mathnavi.interfaces.bounds import Positive, configuration
@@ -32,6 +33,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.angles import wrapped
+from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.missile.coordinates import STEP, Coordinates
 from mathnavi.models.missile.dynamics import Body, rotation
 from mathnavi.models.missile.input_history import InputHistory
@@ -39,6 +41,7 @@ from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
+_FORGOTTEN = 0.3  # [rad] deviation of an attitude after a gap from which on a reading says more
 _FAR = 1e4  # times the standard deviations of a reading: a state of which nothing is known
 
 
@@ -73,13 +76,14 @@ class MissileKalman:
 
     Config = MissileKalmanConfig
 
-    def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
+    def __init__(self, config: MissileKalmanConfig, mission: MissileMission, *, monitored: bool = True) -> None:
+        """The filter; without its tests of innovations it is as sure as its covariance unless it is ``monitored``."""
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
         interval = mission.control_period if config.rate is None else 1.0 / config.rate
         self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout, interval), np.array(mission.input_max)
-        self._size = coordinates.state_size
-        self._step = transition(coordinates, mission.body, config.time_constant)
+        self._size, self._monitored = coordinates.state_size, monitored
+        self._step = Transition(coordinates, mission.body, config.time_constant)
         self._input_of = disturbing_input(coordinates)
         disturbance = disturbance_deviation(config, mission)
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
@@ -94,6 +98,10 @@ class MissileKalman:
         self._inputs = InputHistory(mission.input_delay, len(disturbance))
         self._called: float | None = None  # [s] of the last call
         self._monitor = InnovationMonitor("readings", self._size, interval)
+        noisy = mission.noise.deviations(coordinates) > 0.0
+        self._noisy = bool(noisy.any())
+        self._channels = Channels(coordinates, self._filter.R, noisy, interval)
+        self._Phi = np.eye(len(self._filter.x))  # transition since the last reading
         self._counts = ReadingCounts()
         self._innovations = np.full((2, self._size), np.nan)  # of the last reading, and their deviations
 
@@ -144,13 +152,18 @@ class MissileKalman:
                 self._condition(reading)
         self._predict(t)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
-        integrity = self._monitor.status(t)
-        P = 0.5 * self._monitor.inflation * (P + P.T)
-        status = worst(self._timeout_monitor.status(t, P), integrity)
+        P = 0.5 * (self._monitor.inflation if self._monitored else 1.0) * (P + P.T)
+        status, doubt = self._timeout_monitor.status(t, P), ""
+        if self._monitored:
+            integrity = self._monitor.status(t)
+            status, doubt = worst(status, integrity, self._channels.status(t)), self._monitor.message
+            doubt = self._channels.message or doubt
+            self._channels.add_leaps(P)
         extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
-        message = waiting(status, "a reading of full_state") or self._monitor.message
-        return Estimate(t, x[: self._size].copy(), P, status, extra, message)
+        return Estimate(
+            t, x[: self._size].copy(), P, status, extra, waiting(status, "a reading of full_state") or doubt
+        )
 
     def _predict(self, t: float) -> None:
         """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'
@@ -161,23 +174,33 @@ class MissileKalman:
         ahead = time_ahead(t, self._t)
         if ahead > FARTHEST:
             self._inputs.forget(t)
-            self._filter.x[self._size :] = 0.0
-            self._filter.P = self._anywhere.copy()
+            self._begin_again(t)
         else:
             for h, u in self._inputs.acting(self._t, self._t + ahead):
                 self._advance(h, u)
         self._t = t
 
+    def _begin_again(self, t: float) -> None:
+        """Forget where the missile is at t [s], and what disturbs it."""
+        self._filter.x = np.concatenate([self._filter.x[: self._size], np.zeros(len(self._intensity))])
+        self._filter.P = self._anywhere.copy()
+        self._channels.begin_again(t)
+
+    @property
+    def _has_turned_anyhow(self) -> bool:
+        """True where so little is left of the attitude that no linearisation holds."""
+        angles = self._coordinates.angles
+        return not bool(self._filter.P[angles, angles].max() < _FORGOTTEN**2)  # NaN too
+
     def _advance(self, h: float, u: Array) -> None:
         """Advance by h [s] with the input held."""
         while h > TIME_TOLERANCE:
             step = min(h, STEP)
-            after, F = self._step(self._filter.x, u, step)
-            self._filter.F = np.array(F)
+            self._filter.x, F = self._step(self._filter.x, u, step)
             noise = np.zeros(len(self._filter.x))
             noise[self._size :] = step * self._intensity
-            self._filter.Q = self._filter.F * noise @ self._filter.F.T
-            self._filter.predict(np.array(after).ravel())
+            self._filter.P = F.dot(self._filter.P).dot(F.T) + F * noise @ F.T
+            self._Phi = F @ self._Phi
             h -= step
 
     def _condition(self, reading: Measurement) -> None:
@@ -187,13 +210,46 @@ class MissileKalman:
         if not np.isfinite(reading.value).all():
             self._counts.add(Unused.NOT_FINITE)
             return
-        n, R = self._size, self._filter.R
-        nu = self._difference(reading.value, self._filter.x[:n])
-        S = self._filter.P[:n, :n] + R
+        if self._monitored and self._is_stuck(reading):
+            self._counts.add(Unused.OUTLIER)
+            return
+        n, R, used = self._size, self._filter.R, self._channels.used
+        if reading.t - self._timeout_monitor.t > self._timeout_monitor.longest and self._has_turned_anyhow:
+            self._begin_again(reading.t)
+            self._filter.x[:n] = reading.value
+        before, P_before = self._filter.x, self._filter.P
+        nu = self._difference(reading.value, before[:n])
+        S = P_before[:n, :n] + R
         self._innovations[0], self._innovations[1] = nu, np.sqrt(S.diagonal())
-        self._monitor.note(reading.t, nu, S, R)
-        self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
+        self._monitor.note(reading.t, nu, S, R, used)
+        if used is None:
+            self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
+        else:
+            moved, self._filter.P, _ = condition(P_before, self._H[used], nu[used], R[np.ix_(used, used)])
+            self._filter.x = before + moved
+            self._counts.add(Unused.OUTLIER, int((~used).sum()))
         self._timeout_monitor.note(reading.t)
+        noted = Reading(self._Phi, before, P_before, nu, self._filter.x, self._filter.P, reading.t)
+        self._Phi = np.eye(len(before))
+        if self._monitored:
+            self._change(self._channels.note(noted, S, alarming=self._monitor.alarming))
+            if self._monitor.disagrees and used is not None:
+                self._channels.begin_again(reading.t)
+
+    def _is_stuck(self, reading: Measurement) -> bool:
+        """True for a reading with noise that has read the same many times; a channel that has is left out."""
+        if self._noisy and self._monitor.note_value(reading.t, reading.value):
+            return True
+        self._change(self._channels.stuck(reading.t, reading.value))
+        return False
+
+    def _change(self, found: tuple[Array, Array] | None) -> None:
+        """Change state and covariance by what they were found to differ by after the last reading, if anything."""
+        if found is not None:
+            delta, Delta = found
+            self._filter.x = self._filter.x + self._Phi @ delta
+            self._filter.P = self._filter.P + self._Phi @ Delta @ self._Phi.T
+            self._monitor.explain()
 
     def _difference(self, reading: Array, expected: Array) -> Array:
         error: Array = reading - expected
@@ -232,6 +288,35 @@ def disturbing_input(coordinates: Coordinates) -> casadi.Function:
     d = z[coordinates.state_size :]
     made = casadi.vertcat(R.T @ d[: len(axes)], d[len(axes) :])
     return casadi.Function("disturbing_input", [z], [made])
+
+
+class Transition:
+    """``transition`` of arrays."""
+
+    def __init__(self, coordinates: Coordinates, body: Body, time_constant: float) -> None:
+        self._of = coordinates, body, time_constant
+        n, nu = coordinates.state_size + coordinates.input_size, coordinates.input_size
+        self._given = np.zeros(n), np.zeros(nu), np.zeros(1)
+        self._found = np.zeros(n), np.zeros(n * n)
+        self._evaluate = BufferedFunction(_dense(transition(*self._of)), self._given, self._found)
+
+    def __reduce__(self) -> Any:
+        return Transition, self._of
+
+    def __call__(self, x: Array, u: Array, h: float) -> tuple[Array, Array]:
+        """(x, d) (n,) after h [s] from (x, d) with the input u (nu,) held, and its Jacobian (n, n)."""
+        at, held, length = self._given
+        at[:], held[:], length[0] = x, u, h
+        self._evaluate()
+        after, columns = self._found
+        return after.copy(), columns.reshape(len(at), len(at)).T.copy()
+
+
+@lru_cache(maxsize=8)
+def _dense(step: casadi.Function) -> casadi.Function:
+    """A function with the same results, with every entry of them."""
+    given = step.sx_in()
+    return casadi.Function("dense", given, [casadi.densify(each) for each in step(*given)])
 
 
 @lru_cache(maxsize=8)

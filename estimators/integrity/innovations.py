@@ -25,7 +25,7 @@ from scipy.special import chdtri
 
 from mathnavi.estimators.integrity.excess import chances, factor_of
 from mathnavi.estimators.integrity.repeats import STUCK, Repeats
-from mathnavi.estimators.integrity.windows import ENERGY, MEAN, QUIET, Thresholds, Windows
+from mathnavi.estimators.integrity.windows import ENERGY, MEAN, QUIET, Flags, Thresholds, Windows
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -64,8 +64,18 @@ class InnovationMonitor:
         self.alarming = self.surprising = False
         """whether the newest reading alarmed, and whether it alone is off by more than one in a thousand is"""
 
-    def note(self, t: float, nu: Array, S: Array, R: Array) -> None:
-        """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m)."""
+    @property
+    def disagrees(self) -> bool:
+        """True once so many readings in a row are off by more than chance allows that the estimate is lost."""
+        return self.in_a_row >= _IN_A_ROW
+
+    def note(self, t: float, nu: Array, S: Array, R: Array, used: Flags | None = None) -> None:
+        """Test a reading of t [s] by its innovation nu (m,), of covariance S (m, m) with the reading's own R (m, m).
+
+        Only the components that are ``used`` (m,) are tested, if given.
+        """
+        if used is not None:
+            nu, S, R = nu[used], S[np.ix_(used, used)], R[np.ix_(used, used)]
         if t - self._t > _GAP * self._interval and self._t > -math.inf:  # nothing was tested meanwhile
             gap = t - self._t - self._interval
             self._alarmed, self._lost = self._alarmed + gap, self._lost + gap
@@ -82,7 +92,10 @@ class InnovationMonitor:
         far, self.surprising = square > self._outlier, square > self._surprise
         if self.in_a_row >= _IN_A_ROW and not far:  # what was read while it was lost says nothing of where it is now
             self._windows.clear()
-        self._windows.add(nu / np.sqrt(S.diagonal()), white)
+        e = nu / np.sqrt(S.diagonal())
+        if used is not None:
+            e, white = _spread(e, used), _spread(white, used)
+        self._windows.add(e, white)
         self.in_a_row = self.in_a_row + 1 if far else 0
         worst = self._windows.worst(self._every)
         if worst.ratio > 1.0:
@@ -133,6 +146,11 @@ class InnovationMonitor:
         self._windows.clear()
         self.in_a_row, self.inflation = 0, 1.0
 
+    def explain(self) -> None:
+        """Take what was found so far as explained: by components that are used no more, of an estimate without them."""
+        self.begin_again()
+        self._lost, self.alarming = -math.inf, False
+
     def status(self, t: float) -> Status:
         """Status at t [s] as far as the readings agree with the estimate."""
         t = min(t, self._t + self._interval)
@@ -142,3 +160,10 @@ class InnovationMonitor:
             return Status.DEGRADED
         self.message = ""
         return Status.OK
+
+
+def _spread(values: Array, used: Flags) -> Array:
+    """Values at their places among the components (m,), NaN elsewhere."""
+    spread = np.full(len(used), math.nan)
+    spread[used] = values
+    return spread

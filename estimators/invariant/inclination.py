@@ -17,6 +17,8 @@ of a device that turns.
     INITIALISING   until the vertical is known to 0.1 rad about each axis
     DEGRADED       after a gap, until it is again; while velocities are larger than declared
     LOST           without readings for ``timeout``
+
+A gyro or an accelerometer with noise that reads the same for a tenth of a second is stuck: then nothing is read.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
+from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.invariant.inclination_kernels import (
     ACCELERATION,
     GRAVITY,
@@ -63,7 +66,9 @@ _LONGEST = 2.1  # periods between readings, one of which was lost, with some jit
 _TURN_CHANGES = 2.0  # [rad^2/s^3] density of the change of the rate of turn in a gap: 1 rad/s in half a second
 _FORGOTTEN = 0.3  # [rad] standard deviation of the inclination from which on a reading says more
 _CREEP, _CREEPS_FOR = 0.01, 0.5  # [m/s] standard deviation of the velocity at rest, and for how long it is the same [s]
-_APART = 3.0  # of the time 1 / omega_c, after which velocities are nearly independent
+APART = 3.0
+"""time between two tests of the velocity over 1 / omega_c, after which velocities are nearly independent"""
+_STUCK = 0.1  # [s] for which a sensor with noise reads the same, several times at least, until it is stuck
 
 
 @configuration
@@ -81,7 +86,8 @@ class InertialAttitude:
 
     Config = InertialAttitudeConfig
 
-    def __init__(self, config: InertialAttitudeConfig, mission: InertialMission) -> None:
+    def __init__(self, config: InertialAttitudeConfig, mission: InertialMission, *, monitored: bool = True) -> None:
+        """The filter; without its tests of velocities and of stuck readings unless it is ``monitored``."""
         self.period = mission.period
         self._mission, self._config, self._counts = mission, config, ReadingCounts()
         imu = mission.inertial
@@ -97,7 +103,7 @@ class InertialAttitude:
         self._parameters = parameters
         self._tilt = (imu.accelerometer_bias / mission.gravity) ** 2  # [rad^2] that the accelerometer's bias makes
         self._readings = TimeoutMonitor(config.timeout, mission.period)
-        self._monitor = InnovationMonitor("velocities", 2, _APART / mission.corner)
+        self._monitor = InnovationMonitor("velocities", 2, APART / mission.corner)
         self._tested = -math.inf  # [s] when the velocity was last tested
         self._innovations = np.full((2, 2), np.nan)  # of that test in the last call, and their deviations
         self._quiet = QuietWindow(imu, mission.period)
@@ -106,6 +112,9 @@ class InertialAttitude:
         self._P = np.zeros((STATES, STATES))
         self._rate = np.zeros(3)  # [rad/s] of the last reading
         self._at_rest, self._found, self._gap = False, False, False
+        self._noisy = imu.gyro > 0.0, imu.accelerometer > 0.0
+        self._monitored, self._repeats = monitored, (Repeats(), Repeats())
+        self._most = max(STUCK, round(_STUCK / mission.period))  # repetitions
 
     @staticmethod
     def build(config: InertialAttitudeConfig, mission: InertialMission) -> InertialAttitude:
@@ -158,7 +167,14 @@ class InertialAttitude:
             return Unused.NOT_FINITE
         largest = np.abs(reading.value)
         saturated = largest[:3].max() >= self._mission.rate_max or largest[3:].max() >= self._mission.force_max
-        return Unused.OUTLIER if saturated else None
+        return Unused.OUTLIER if saturated or self._is_stuck(reading.value) else None
+
+    def _is_stuck(self, reading: Array) -> bool:
+        """True for a reading of which the gyro or the accelerometer has read the same again and again."""
+        repeats = [each.take(part) for each, part in zip(self._repeats, (reading[:3], reading[3:]), strict=True)]
+        return self._monitored and any(
+            noisy and count >= self._most for noisy, count in zip(self._noisy, repeats, strict=True)
+        )
 
     def _take(self, t: float, reading: Array) -> None:
         """Move to t [s] by a reading (6,), and condition."""
@@ -176,12 +192,13 @@ class InertialAttitude:
         self._at_rest = self._quiet.take(reading)
         still = self._quiet.oldest
         step(self._q, self._motion, self._bias, self._P, reading, h, self._at_rest, still, self._parameters)
-        if self._found and t - self._tested >= _APART / self._mission.corner - TIME_TOLERANCE:
+        if self._found and t - self._tested >= APART / self._mission.corner - TIME_TOLERANCE:
             self._tested = t
             R = self._mission.speed**2 * np.eye(2)
             nu, S = self._motion[:2].copy(), self._P[3:5, 3:5] + R
             self._innovations[0], self._innovations[1] = nu, np.sqrt(S.diagonal())
             self._monitor.note(t, nu, S, R)
+            self._monitor.note_state(t, float(nu @ np.linalg.solve(S, nu)), "a velocity")
         if not self._found and self._is_known():
             self._found, self._gap = True, False
 
@@ -245,7 +262,7 @@ class InertialAttitude:
             P += mission.stamps**2 * np.outer(turning, turning)
             P += _TURN_CHANGES * max(ahead, 0.0) ** 3 / 3.0 * np.eye(3)
         P[HEADING, HEADING] = min(P[HEADING, HEADING], 2.0 * _UNKNOWN_HEADING)
-        P[:2, :2] *= self._monitor.inflation
+        P[:2, :2] *= self._monitor.inflation if self._monitored else 1.0
         status, message = self._status(t)
         extra = {
             "attitude_deviation": np.sqrt(np.diag(P)),
@@ -269,4 +286,6 @@ class InertialAttitude:
             if not self._gap:
                 return Status.INITIALISING, "waits for the vertical to be known"
             return Status.DEGRADED, "does not know the vertical after a gap"
+        if not self._monitored:
+            return status, ""
         return worst(status, self._monitor.status(t)), self._monitor.message

@@ -3,8 +3,9 @@
 A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
-(``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), and a quadrotor by an IMU
-and fixes (``inertial_integrity``).
+(``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), a quadrotor by an IMU and
+fixes (``inertial_integrity``), a missile by readings of its whole state (``missile_integrity``), and a device is turned
+in a hand with a gyro and an accelerometer (``attitude_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -28,7 +29,14 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
-from mathnavi.studies.ranging import beacon_integrity, flight_integrity, inertial_integrity, pose_integrity
+from mathnavi.studies.ranging import (
+    attitude_integrity,
+    beacon_integrity,
+    flight_integrity,
+    inertial_integrity,
+    missile_integrity,
+    pose_integrity,
+)
 from mathnavi.studies.ranging.integrity_judging import Outcome, Watched
 
 FIRST_SEED = 5000  # no threshold of the monitor was chosen on these
@@ -37,6 +45,8 @@ ALL = (
     beacon_integrity.ESTIMATOR,
     *flight_integrity.ESTIMATORS,
     inertial_integrity.ESTIMATOR,
+    missile_integrity.ESTIMATOR,
+    attitude_integrity.ESTIMATOR,
 )
 MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
 COLOURS = {True: "#0d5fa8", False: "#c2183b"}
@@ -50,7 +60,7 @@ class IntegrityConfig:
     """number of drives of each estimator under each fault"""
     alone: Count = 5
     """number of those that are also run without the monitor"""
-    faults: Count = len(pose_integrity.FAULTS)
+    faults: Count = max(len(pose_integrity.FAULTS), len(missile_integrity.FAULTS))
     """number of faults, none among them"""
     estimators: Count = len(ALL)
     """number of estimators"""
@@ -65,6 +75,10 @@ def _part(estimator: str) -> tuple[str, Iterable[str], Callable[[Watched], Outco
         return where, flight_integrity.faults_of(estimator), flight_integrity.watched
     if estimator == inertial_integrity.ESTIMATOR:
         return ", a quadrotor by an IMU and fixes", inertial_integrity.FAULTS, inertial_integrity.watched
+    if estimator == missile_integrity.ESTIMATOR:
+        return ", a missile by its whole state", missile_integrity.FAULTS, missile_integrity.watched
+    if estimator == attitude_integrity.ESTIMATOR:
+        return ", a device by a gyro and an accelerometer", attitude_integrity.FAULTS, attitude_integrity.watched
     return "", pose_integrity.FAULTS, pose_integrity.watched
 
 
@@ -100,8 +114,9 @@ class Integrity:
         return StudyResult(
             summary=(
                 f"{config.seeds} drives {pose_integrity.SETTING} {beacon_integrity.SETTING} {flight_integrity.SETTING} "
-                f"{inertial_integrity.SETTING} The first {min(config.alone, config.seeds)} runs of each are also made "
-                "without the monitor, but for filters of which it is a part.",
+                f"{inertial_integrity.SETTING} {missile_integrity.SETTING} {attitude_integrity.SETTING} The first "
+                f"{min(config.alone, config.seeds)} runs of each are also made without the monitor, but for filters of "
+                "which it is a part.",
             ),
             rows=rows,
             tables=[
@@ -234,7 +249,9 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
             f"OK and right for good within {pose_integrity.DURATION - pose_integrity.END:g} s, among beacons "
             f"{beacon_integrity.DURATION - beacon_integrity.END:g} s, in flight "
             f"{flight_integrity.DURATION - flight_integrity.END:g} s, by an IMU "
-            f"{inertial_integrity.DURATION - inertial_integrity.END:g} s: "
+            f"{inertial_integrity.DURATION - inertial_integrity.END:g} s, by the whole state "
+            f"{missile_integrity.DURATION - missile_integrity.END:g} s, in a hand "
+            f"{attitude_integrity.DURATION - attitude_integrity.END:g} s: "
             f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault",
             f"{len(cells) - len(lost)} of {len(cells)}"
             + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,

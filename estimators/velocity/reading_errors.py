@@ -15,7 +15,8 @@ fifty readings, if each joint has changed ten times, or three times by the same,
 
 What a mission declares is tested instead: the smaller of r / sqrt(c R) and L / sqrt(R), of every fifth reading, which
 are independent, by the windowed tests of energy (``mathnavi.estimators.integrity.windows``). R is the variance of noise
-plus the largest that rounding can have, Delta^2 / 4.
+plus the largest that rounding can have, Delta^2 / 4. Encoders that repeat themselves or leap are those of
+``encoder_faults``.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from itertools import pairwise
 import numpy as np
 
 from mathnavi.estimators.integrity.windows import CLIP, Flags, Thresholds, Windows
+from mathnavi.estimators.velocity.encoder_faults import EncoderFaults
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, rounding_steps
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Estimate, Status
@@ -104,6 +106,10 @@ class ReadingErrors:
         self._coordinates = np.array([each.coordinate for each in scalars], dtype=np.intp)
         self._hinges = np.array([each.hinge for each in scalars], dtype=np.bool_)
         self._encoders = EncoderSteps(len(scalars))
+        self.faults = EncoderFaults(scalars, mission.period)
+        """encoders that repeat themselves, or leap"""
+        self.joint_errors = np.zeros(len(scalars))
+        """the larger of deviation and step (k,) [rad, m] of the encoders of slides and hinges; 0 while not known"""
         self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
         self._smooth, self._predicted = np.zeros(n), np.zeros(n)  # means of r^2 / c and of L^2
         self._count, self._innovations = 0, 0
@@ -111,6 +117,7 @@ class ReadingErrors:
         self._was_known = False
         self.variance, self.steps = np.zeros(n), np.zeros(n)
         """variances (n,) [rad^2, m^2] and steps (n,) [rad, m] that were found; 0 where they are not known yet"""
+        self._declared: tuple[Array, Array] | None = None  # variances without rounding, and steps (n,)
         self._tested: Array | None = None  # (n,) R
         self._windows: Windows | None = None
         self._used = np.ones(n, dtype=np.bool_)
@@ -138,10 +145,24 @@ class ReadingErrors:
 
     def doubted(self, estimate: Estimate) -> Estimate:
         """Return an estimate unchanged, or DEGRADED if it is OK while the errors of its readings are not as declared,
-        or not known.
+        or not known, or while an encoder has failed.
         """
-        doubt = self.doubt if estimate.status is Status.OK else ""
+        doubt = (self.faults.doubt(estimate.t) or self.doubt) if estimate.status is Status.OK else ""
         return replace(estimate, status=Status.DEGRADED, message=doubt) if doubt else estimate
+
+    def widened(self, covariance: Array) -> Array:
+        """Covariance (N, N) of a state whose encoders have leapt by ``faults.offset``."""
+        if not self.faults.offset.any():
+            return covariance
+        wider = covariance.copy()
+        wider[self._places, self._places] += np.square(self.faults.offset)
+        return wider
+
+    def widened_deviation(self, deviation: Array) -> Array:
+        """Deviations (2 n,) of positions and velocities, likewise."""
+        if self.faults.offset.any():
+            deviation[self._coordinates] = np.hypot(deviation[self._coordinates], self.faults.offset)
+        return deviation
 
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
         """Take a reading y (size,) of t [s] and the position (size,) that was predicted for it, if it was.
@@ -152,16 +173,17 @@ class ReadingErrors:
         past = self._past
         if past and (t <= past[-1][0] or innovation(self._manifold, past[-1][1], y) is None):
             past.clear()
-        if past and not self.declared:
+            self.faults.forget()
+        if past:
             self._encoders.read(y[self._places] - past[-1][1][self._places])
         r = self._residual(t, y) if len(past) == _POINTS else None
         past.append((t, y))
+        self._watch(t, y)
         self._newest = r
         if r is None:
             return False
         self._count += 1
-        if not self.declared:
-            _mean(self._smooth, r, self._count)
+        _mean(self._smooth, r, self._count)
         if predicted is not None:
             self.expect(y, predicted)
         if self.declared:
@@ -169,6 +191,22 @@ class ReadingErrors:
         due = self._count % _FEWEST == 0 or (self.known and not self._was_known)
         self._was_known = self.known
         return due and self._learn()
+
+    def _watch(self, t: float, y: Array) -> None:
+        """Watch for encoders that repeat themselves or leap, once the errors of the readings are known."""
+        if not len(self._places) or not self.known:
+            return
+        if self.declared:
+            if self._declared is None:
+                steps = rounding_steps(self._mission, y)
+                self._declared = reading_variance(self._mission, y) - np.square(steps) / 12.0, steps
+            noise, steps = self._declared
+        else:
+            noise, steps = np.maximum(self.variance - np.square(self.steps) / 12.0, 0.0), self.steps
+        at, shown = self._coordinates, self._smooth if self._count >= _FEWEST else np.zeros(len(noise))
+        steps = np.maximum(steps[at], self._encoders.steps)
+        self.joint_errors = np.maximum(np.sqrt(noise[at]), steps)
+        self.faults.read(t, y[self._places], noise[at], shown[at], steps)
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""

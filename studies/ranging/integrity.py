@@ -1,10 +1,10 @@
-"""Integrity: how long is an estimator sure of a wrong pose, or of a wrong flight, while its sensors fail?
+"""Integrity: how long is an estimator sure of a wrong pose, flight or swing of an arm, while its sensors fail?
 
 A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
-(``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), and a quadrotor by an IMU
-and fixes (``inertial_integrity``).
+(``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), a quadrotor by an IMU and
+fixes (``inertial_integrity``), and an arm swings whose encoders are read (``encoder_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -28,7 +28,13 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.studies.framework.drawing import styled_figure
 from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
-from mathnavi.studies.ranging import beacon_integrity, flight_integrity, inertial_integrity, pose_integrity
+from mathnavi.studies.ranging import (
+    beacon_integrity,
+    encoder_integrity,
+    flight_integrity,
+    inertial_integrity,
+    pose_integrity,
+)
 from mathnavi.studies.ranging.integrity_judging import Outcome, Watched
 
 FIRST_SEED = 5000  # no threshold of the monitor was chosen on these
@@ -37,7 +43,10 @@ ALL = (
     beacon_integrity.ESTIMATOR,
     *flight_integrity.ESTIMATORS,
     inertial_integrity.ESTIMATOR,
+    *encoder_integrity.ESTIMATORS,
 )
+INSEPARABLE = (*flight_integrity.INSEPARABLE, *encoder_integrity.ESTIMATORS)
+"""estimators whose monitor is a part of them"""
 MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
 COLOURS = {True: "#0d5fa8", False: "#c2183b"}
 
@@ -65,11 +74,13 @@ def _part(estimator: str) -> tuple[str, Iterable[str], Callable[[Watched], Outco
         return where, flight_integrity.faults_of(estimator), flight_integrity.watched
     if estimator == inertial_integrity.ESTIMATOR:
         return ", a quadrotor by an IMU and fixes", inertial_integrity.FAULTS, inertial_integrity.watched
+    if estimator in encoder_integrity.ESTIMATORS:
+        return ", an arm by its encoders", encoder_integrity.FAULTS, encoder_integrity.watched
     return "", pose_integrity.FAULTS, pose_integrity.watched
 
 
 class Integrity:
-    """Estimators of poses and flights while their sensors fail (Papers A and C)."""
+    """Estimators of poses, flights and joints while their sensors fail (Papers A, C and D)."""
 
     Config = IntegrityConfig
     quick = IntegrityConfig(seeds=1, alone=1, faults=3, estimators=2)
@@ -87,7 +98,7 @@ class Integrity:
         for estimator, fault in asked:
             job = _part(estimator)[2]
             for seed in range(FIRST_SEED, FIRST_SEED + config.seeds):
-                bare = seed < FIRST_SEED + config.alone and estimator not in flight_integrity.INSEPARABLE
+                bare = seed < FIRST_SEED + config.alone and estimator not in INSEPARABLE
                 for monitored in (True, False)[: 1 + bare]:
                     run = Watched(estimator, fault, seed, monitored)
                     jobs.add(run, job, [run])
@@ -100,8 +111,9 @@ class Integrity:
         return StudyResult(
             summary=(
                 f"{config.seeds} drives {pose_integrity.SETTING} {beacon_integrity.SETTING} {flight_integrity.SETTING} "
-                f"{inertial_integrity.SETTING} The first {min(config.alone, config.seeds)} runs of each are also made "
-                "without the monitor, but for filters of which it is a part.",
+                f"{inertial_integrity.SETTING} {encoder_integrity.SETTING} The first "
+                f"{min(config.alone, config.seeds)} runs of each are also made without the monitor, but for filters of "
+                "which it is a part.",
             ),
             rows=rows,
             tables=[
@@ -234,7 +246,8 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
             f"OK and right for good within {pose_integrity.DURATION - pose_integrity.END:g} s, among beacons "
             f"{beacon_integrity.DURATION - beacon_integrity.END:g} s, in flight "
             f"{flight_integrity.DURATION - flight_integrity.END:g} s, by an IMU "
-            f"{inertial_integrity.DURATION - inertial_integrity.END:g} s: "
+            f"{inertial_integrity.DURATION - inertial_integrity.END:g} s, an arm "
+            f"{encoder_integrity.DURATION - encoder_integrity.END:g} s: "
             f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault",
             f"{len(cells) - len(lost)} of {len(cells)}"
             + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,

@@ -9,9 +9,10 @@ the readings show it to be: where rounding may be all there is of it, an encoder
 
 **Leaps.** A joint does not leap. With lines through the four readings before and the four after a gap, d is the lesser
 of what lies between them at its two ends, 0 where they cross in it, as under any force that changes the velocity. An
-encoder has leapt by d if that is beyond 8 of its deviations, three times what the joint moves from reading to reading,
-and what an acceleration of 2000 rad/s^2 or m/s^2 can do. Either place may be the right one: |d|, or the sum of several
-leaps, is a deviation of the position until it leaps back, to a tenth of the largest or within 8 deviations.
+encoder has leapt by d if that is beyond 8 of its deviations, declared or shown, three times what the joint moves from
+reading to reading, and what an acceleration of 2000 rad/s^2 or m/s^2 can do. Either place may be the right one: |d|, or
+the sum of several leaps, is a deviation of the position until it leaps back, to a tenth of the largest or within 8
+deviations.
 """
 
 from __future__ import annotations
@@ -74,9 +75,10 @@ class EncoderFaults:
         self.repeats[~same] = 0.0
         if self._count < 2 * _SIDE:
             return
-        leaps(self._times, self._readings, noise + np.square(steps) / 12.0, self._leap)
+        variance = np.maximum(noise + np.square(steps) / 12.0, shown)
+        leaps(self._times, self._readings, variance, self._leap)
         if self._leap.any():
-            self._leapt(t, noise + np.square(steps) / 12.0)
+            self._leapt(t, variance)
 
     def stands(self, t: float, joint: str) -> None:
         """Doubt the encoder of a joint that stands at t [s] while the model moves it."""

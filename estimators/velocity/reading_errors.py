@@ -194,19 +194,20 @@ class ReadingErrors:
 
     def _watch(self, t: float, y: Array) -> None:
         """Watch for encoders that repeat themselves or leap, once the errors of the readings are known."""
-        if not len(self._places) or not self.known:
+        if not len(self._places) or not self.known or self._count < _FEWEST:
             return
         if self.declared:
             if self._declared is None:
                 steps = rounding_steps(self._mission, y)
-                self._declared = reading_variance(self._mission, y) - np.square(steps) / 12.0, steps
+                noise = reading_variance(self._mission, y) - np.square(steps) / 12.0
+                self._declared = np.maximum(noise, 0.0), steps
             noise, steps = self._declared
         else:
             noise, steps = np.maximum(self.variance - np.square(self.steps) / 12.0, 0.0), self.steps
-        at, shown = self._coordinates, self._smooth if self._count >= _FEWEST else np.zeros(len(noise))
+        at = self._coordinates
         steps = np.maximum(steps[at], self._encoders.steps)
         self.joint_errors = np.maximum(np.sqrt(noise[at]), steps)
-        self.faults.read(t, y[self._places], noise[at], shown[at], steps)
+        self.faults.read(t, y[self._places], noise[at], self._smooth[at], steps)
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""

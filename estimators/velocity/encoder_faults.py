@@ -4,8 +4,9 @@
 
     p = sum_k (Phi((k + 1/2) Delta / sigma) - Phi((k - 1/2) Delta / sigma))^2,
 
-so one that reads the same n times again, p^n < 1e-12, is stuck. sigma is no larger than declared, nor than half of what
-the readings show it to be: where rounding may be all there is of it, an encoder may repeat itself as long as it likes.
+so one that reads the same n times again, p^n < 1e-12, is stuck. The variance sigma^2 is no larger than declared, nor
+than half of what the readings have shown where they were the quietest: where rounding may be all there is of it, an
+encoder may repeat itself as long as it likes.
 
 **Leaps.** A joint does not leap. With lines through the four readings before and the four after a gap, d is the lesser
 of what lies between them at its two ends, 0 where they cross in it, as under any force that changes the velocity. An
@@ -19,10 +20,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mathnavi.estimators.integrity.repeats import STUCK
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.mechanism.geometry import ScalarJoint
@@ -35,6 +38,15 @@ _DEVIATIONS, _STEPS, _FASTEST = 8.0, 3.0, 2000.0  # of a leap; [rad/s^2, m/s^2]
 _BACK = 0.1  # of the largest leap, within which an encoder has leapt back
 _GAP = 2.1  # intervals between readings, of which one is missing, with some jitter
 _STUCK_FOR, _LEAPT_FOR = 1.0, 5.0  # [s] of doubt after a repetition, and after a leap
+
+
+class EncoderErrors(NamedTuple):
+    """Errors (k,) of the readings of k encoders: variances [rad^2, m^2], and steps [rad, m]."""
+
+    noise: Array  # as declared, without rounding; 0 where nothing is
+    shown: Array  # as the readings have shown lately
+    least: Array  # likewise, while they were the quietest
+    steps: Array  # 0 without
 
 
 class EncoderFaults:
@@ -57,10 +69,8 @@ class EncoderFaults:
         """Why an estimate of t [s] is doubted; "" if it is not."""
         return self._doubt if t < self._until - TIME_TOLERANCE else ""
 
-    def read(self, t: float, y: Array, noise: Array, shown: Array, steps: Array) -> None:
-        """Take readings y (k,) of t [s] with the assumed variances of ``noise`` (k,), without rounding, those that the
-        readings have ``shown`` (k,), and the ``steps`` (k,) of encoders, 0 without.
-        """
+    def read(self, t: float, y: Array, errors: EncoderErrors) -> None:
+        """Take readings y (k,) of t [s] with their ``errors``."""
         if self._count and not 0.0 < t - self._times[-1] <= self._gap:
             self._count = 0
         self._times[:-1], self._readings[:-1] = self._times[1:], self._readings[1:]
@@ -71,11 +81,11 @@ class EncoderFaults:
             return
         same = y == self._readings[-2]
         if same.any():
-            self._repeat(t, same, noise, shown, steps)
+            self._repeat(t, same, errors)
         self.repeats[~same] = 0.0
         if self._count < 2 * _SIDE:
             return
-        variance = np.maximum(noise + np.square(steps) / 12.0, shown)
+        variance = np.maximum(errors.noise + np.square(errors.steps) / 12.0, errors.shown)
         leaps(self._times, self._readings, variance, self._leap)
         if self._leap.any():
             self._leapt(t, variance)
@@ -88,12 +98,13 @@ class EncoderFaults:
         """Begin again with readings that are not related to those before; leaps are remembered."""
         self._count = 0
 
-    def _repeat(self, t: float, same: np.ndarray, noise: Array, shown: Array, steps: Array) -> None:
+    def _repeat(self, t: float, same: Flags, errors: EncoderErrors) -> None:
         for i in np.flatnonzero(same):
             self.repeats[i] += 1.0
             if self.repeats[i] == STUCK:  # what it has shown so far is still that of the readings before
-                sure = _SHARE * shown[i] - steps[i] ** 2 / 12.0
-                self._enough[i] = repetitions(math.sqrt(max(min(noise[i], sure), 0.0)), steps[i])
+                step = float(errors.steps[i])
+                sure = min(float(errors.noise[i]), _SHARE * float(errors.least[i]) - step * step / 12.0)
+                self._enough[i] = repetitions(math.sqrt(max(sure, 0.0)), step)
             elif self.repeats[i] < STUCK:
                 self._enough[i] = math.inf
             if self.repeats[i] >= self._enough[i]:

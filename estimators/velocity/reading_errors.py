@@ -29,7 +29,7 @@ from itertools import pairwise
 import numpy as np
 
 from mathnavi.estimators.integrity.windows import CLIP, Flags, Thresholds, Windows
-from mathnavi.estimators.velocity.encoder_faults import EncoderFaults
+from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFaults
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, rounding_steps
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Estimate, Status
@@ -39,7 +39,7 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 _POINTS = 4  # of the cubic
 _EVEN = np.array([4.0, -6.0, 4.0, -1.0])  # its weights for readings that are evenly spaced, the newest first
 _UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
-_FEWEST = 50  # readings from which noise is known
+_FEWEST, _BLOCKS = 50, 4  # readings from which noise is known, and numbers of as many of which the quietest counts
 _MEMORY = 200.0  # readings of the means
 _CLIP = 25.0  # times a mean, beyond which a square counts no more
 _RELEARN = 1.2  # ratio of a variance to the one before from which an observer is told
@@ -112,6 +112,7 @@ class ReadingErrors:
         """the larger of deviation and step (k,) [rad, m] of the encoders of slides and hinges; 0 while not known"""
         self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
         self._smooth, self._predicted = np.zeros(n), np.zeros(n)  # means of r^2 / c and of L^2
+        self._squares, self._blocks = np.zeros(n), deque[Array](maxlen=_BLOCKS)  # sum and means of r^2 / c, by block
         self._count, self._innovations = 0, 0
         self._newest: Array | None = None  # (n,) r / sqrt(c) of the last reading
         self._was_known = False
@@ -178,12 +179,16 @@ class ReadingErrors:
             self._encoders.read(y[self._places] - past[-1][1][self._places])
         r = self._residual(t, y) if len(past) == _POINTS else None
         past.append((t, y))
-        self._watch(t, y)
         self._newest = r
         if r is None:
             return False
         self._count += 1
         _mean(self._smooth, r, self._count)
+        self._squares += np.square(r)
+        if self._count % _FEWEST == 0:
+            self._blocks.append(self._squares / _FEWEST)
+            self._squares = np.zeros(len(r))
+        self._watch(t, y)
         if predicted is not None:
             self.expect(y, predicted)
         if self.declared:
@@ -203,11 +208,12 @@ class ReadingErrors:
                 self._declared = np.maximum(noise, 0.0), steps
             noise, steps = self._declared
         else:
-            noise, steps = np.maximum(self.variance - np.square(self.steps) / 12.0, 0.0), self.steps
-        at = self._coordinates
+            noise, steps = np.zeros(len(self.variance)), self.steps
+        at, shown = self._coordinates, self._smooth
         steps = np.maximum(steps[at], self._encoders.steps)
-        self.joint_errors = np.maximum(np.sqrt(noise[at]), steps)
-        self.faults.read(t, y[self._places], noise[at], self._smooth[at], steps)
+        self.joint_errors = np.maximum(np.sqrt(np.maximum(noise, shown)[at]), steps)
+        least = np.minimum.reduce(self._blocks)[at]
+        self.faults.read(t, y[self._places], EncoderErrors(noise[at], shown[at], least, steps))
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""

@@ -6,7 +6,8 @@ asked, four times a second, how far it would move from there in a tenth of a sec
     d = q_i(t + 0.1 s) - y_i(t).
 
 A model that is slightly wrong has such a d at rest, too, but the same one. The joint is doubted where d has varied by
-more than 20 steps or deviations of its encoder in two seconds: forces have changed, and the reading has not.
+more than 20 steps or deviations of its encoder in two seconds, without the least and the greatest d: forces have
+changed, and the reading has not.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
 _STANDS, _OFTEN, _AHEAD = 0.5, 0.25, 0.1  # [s] of a joint that stands, between two questions, and of a prediction
-_ASKED = 8  # answers that are compared
+_ASKED, _FEWEST = 8, 4  # answers that are compared, at most and at least
 _FAR, _LEAST = 20.0, 1e-4  # deviations of an encoder, and the least of these [rad, m]
 
 
@@ -56,10 +57,11 @@ class StandingJoints:
             return ""
         self._since = 0.0
         self._far.append(np.where(stands, self._moves(state, y, u, stands), np.nan))
-        seen = np.array(self._far)
-        spread = np.where(stands, np.nanmax(seen, axis=0, initial=-np.inf) - np.nanmin(seen, axis=0, initial=np.inf), 0.0)
-        found = np.flatnonzero(spread > _FAR * np.maximum(errors, _LEAST))
-        return self._joints[int(found[0])].name if len(found) else ""
+        for i in np.flatnonzero(stands):
+            far = sorted(each[i] for each in self._far if math.isfinite(each[i]))[1:-1]
+            if len(far) >= _FEWEST - 2 and far[-1] - far[0] > _FAR * max(errors[i], _LEAST):
+                return self._joints[i].name
+        return ""
 
     def _moves(self, state: Array, y: Array, u: Array, stands: np.ndarray) -> Array:
         """Displacements (k,) of the joints by the model from y (size,), where those that ``stands`` have no speed; NaN

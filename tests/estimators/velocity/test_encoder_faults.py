@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.estimators.velocity.encoder_faults import EncoderFaults, repetitions
+from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFaults, repetitions
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
@@ -27,7 +27,8 @@ def watched(y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = 
     doubts = []
     for k, each in enumerate(y):
         t = PERIOD * k
-        found.read(t, np.array([each]), np.array([sigma**2]), np.array([shown**2 + step**2 / 12.0]), np.array([step]))
+        seen = np.array([shown**2 + step**2 / 12.0])
+        found.read(t, np.array([each]), EncoderErrors(np.array([sigma**2]), seen, seen, np.array([step])))
         doubts.append(found.doubt(t))
     return doubts, found
 

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +64,15 @@ class EncoderFaults:
         self._leap, self._largest = np.zeros(k), np.zeros(k)  # of this reading, and of all so far
         self.offset = np.zeros(k)
         """sums (k,) [rad, m] of the leaps of encoders that have not leapt back"""
+        self.turned = np.zeros(k, dtype=np.bool_)
+        """True (k,) for hinges whose turns are not known"""
         self._until, self._doubt = -math.inf, ""  # [s]
+
+    @property
+    def deviation(self) -> Array:
+        """Deviations (k,) [rad, m] of the positions by leaps and unknown turns, beside those of the readings."""
+        deviation: Array = np.abs(self.offset) + 2.0 * math.pi * self.turned
+        return deviation
 
     def doubt(self, t: float) -> str:
         """Why an estimate of t [s] is doubted; "" if it is not."""
@@ -131,8 +140,10 @@ def repetitions(sigma: float, step: float) -> float:
         return math.inf
     if step <= 0.0:
         return STUCK
-    edges = [0.5 * math.erf((k + 0.5) * step / (sigma * math.sqrt(2.0))) for k in range(math.ceil(8.0 * sigma / step) + 1)]
-    alike = (2.0 * edges[0]) ** 2 + 2.0 * sum((b - a) ** 2 for a, b in zip(edges, edges[1:], strict=False))
+    edges = [
+        0.5 * math.erf((k + 0.5) * step / (sigma * math.sqrt(2.0))) for k in range(math.ceil(8.0 * sigma / step) + 1)
+    ]
+    alike = (2.0 * edges[0]) ** 2 + 2.0 * sum((b - a) ** 2 for a, b in pairwise(edges))
     return math.inf if alike > _LIKELY else max(float(STUCK), math.ceil(math.log(_CHANCE) / math.log(alike)))
 
 

@@ -320,6 +320,7 @@ class PositionObserver:
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
         predicted = None if self._t is None else self._x[: self._manifold.size]
+        self.reading_errors.lose_turns(self._reader.unknown_turns)
         if self.reading_errors.read(t, y, predicted) and self._t is not None:
             self._noise = (self.reading_errors.variance, self.reading_errors.steps)
             self._law.learn(*self._noise)

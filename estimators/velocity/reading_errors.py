@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -87,7 +88,7 @@ class EncoderSteps:
 
     def read(self, changes: Array) -> None:
         """Take the changes (k,) of the joints from one reading to the next."""
-        _refine(
+        refine(
             np.abs(changes), self._found, self._counted, self._alike, self._varied, self._confirmed, self._still
         )  # fmt: skip
 
@@ -151,18 +152,24 @@ class ReadingErrors:
         doubt = (self.faults.doubt(estimate.t) or self.doubt) if estimate.status is Status.OK else ""
         return replace(estimate, status=Status.DEGRADED, message=doubt) if doubt else estimate
 
+    def lose_turns(self, places: Sequence[int]) -> None:
+        """The turns of hinges at these ``places`` of a point, and of no others, are not known."""
+        self.faults.turned[:] = np.isin(self._places, places)
+
     def widened(self, covariance: Array) -> Array:
-        """Covariance (N, N) of a state whose encoders have leapt by ``faults.offset``."""
-        if not self.faults.offset.any():
+        """Covariance (N, N) of a state whose encoders have leapt, or lost their turns."""
+        further = self.faults.deviation
+        if not further.any():
             return covariance
         wider = covariance.copy()
-        wider[self._places, self._places] += np.square(self.faults.offset)
+        wider[self._places, self._places] += np.square(further)
         return wider
 
     def widened_deviation(self, deviation: Array) -> Array:
         """Deviations (2 n,) of positions and velocities, likewise."""
-        if self.faults.offset.any():
-            deviation[self._coordinates] = np.hypot(deviation[self._coordinates], self.faults.offset)
+        further = self.faults.deviation
+        if further.any():
+            deviation[self._coordinates] = np.hypot(deviation[self._coordinates], further)
         return deviation
 
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
@@ -291,7 +298,7 @@ def _mean(mean: Array, values: Array, count: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _refine(
+def refine(
     changes: Array, found: Array, counted: Array, alike: Array, varied: Flags, confirmed: Array, still: Array
 ) -> None:
     """Find the steps (k,) of which all magnitudes of changes (k,) so far are multiples; 0 where none exists."""

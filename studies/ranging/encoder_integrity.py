@@ -12,7 +12,6 @@ the innovations of the model.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
@@ -49,7 +48,7 @@ SLIP, LATE, SILENT = 0.1, 0.05, 2.0  # [rad], [s], [s]
 WINDOWS = (0.02, 0.1, 0.4, 1.0)  # [s] of the tests
 NOISY, OFF, STANDS, ONE_TURN = "noise times 3", "a motor off", "an encoder stuck", "an encoder of one turn"
 SETTING = (
-    f"An arm of two links swings for {DURATION:g} s, its torques known; its encoders of {QUALITY.resolution} bits, with "
+    f"An arm of two links swings for {DURATION:g} s, its torques known; encoders of {QUALITY.resolution} bits, with "
     f"noise of {QUALITY.noise:g} rad, are read {1.0 / PERIOD:g} times a second, the fault from {ONSET:g} to {END:g} s; "
     "position and velocity are judged, without a protection level."
 )

@@ -1,4 +1,4 @@
-"""Encoders that repeat themselves, leap or stand are doubted, and those of joints that rest, stop or are hit are not."""
+"""Encoders that repeat themselves, leap or stand are doubted; those of joints that rest, stop or are hit are not."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ PERIOD, SIGMA, STEP = 0.005, 5e-4, 2.0 * math.pi / 2.0**14
 JOINT = ScalarJoint("elbow", 0, 0, True, -math.inf, math.inf)
 
 
-def watched(y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP) -> tuple[list[str], EncoderFaults]:
+def watched(
+    y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP
+) -> tuple[list[str], EncoderFaults]:
     """Doubts (N,) about readings y (N,) of a joint."""
     found = EncoderFaults([JOINT], PERIOD)
     doubts = []

@@ -1,4 +1,4 @@
-"""The kernels of the tests of readings, of their declared noise and of innovations, compiled before a run (``sim.engine.compilation``)."""
+"""The kernels of the tests of readings and of innovations, compiled before a run (``sim.engine.compilation``)."""
 
 from __future__ import annotations
 

@@ -18,8 +18,10 @@ from collections import deque
 
 import numpy as np
 
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
 _STANDS, _OFTEN, _AHEAD = 0.5, 0.25, 0.1  # [s] of a joint that stands, between two questions, and of a prediction
@@ -33,7 +35,7 @@ class StandingJoints:
     def __init__(self, mission: LagrangianMission) -> None:
         self._mission, manifold = mission, mission.system.manifold
         self._joints = manifold.scalars if isinstance(manifold, MechanismManifold) else ()
-        self._system = None  # a copy, whose steps are not those of the observer
+        self._system: LagrangianSystem | None = None  # a copy, whose steps are not those of the observer
         self._far: deque[Array] = deque(maxlen=_ASKED)
         self._since = math.inf  # [s] since the last question
 
@@ -63,7 +65,7 @@ class StandingJoints:
                 return self._joints[i].name
         return ""
 
-    def _moves(self, state: Array, y: Array, u: Array, stands: np.ndarray) -> Array:
+    def _moves(self, state: Array, y: Array, u: Array, stands: Flags) -> Array:
         """Displacements (k,) of the joints by the model from y (size,), where those that ``stands`` have no speed; NaN
         if it cannot say.
         """

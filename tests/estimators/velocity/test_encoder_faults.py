@@ -103,8 +103,9 @@ def test_a_dead_encoder_is_not_believed_while_the_model_moves_its_joint(method: 
     good = observed("servo-six", method, y[:1300], **quality)
     assert all(each.status is Status.OK for each in good[750:])
     y[:, 1] = y[0, 1]
-    dead = observed("servo-six", method, y[:1300], **quality)
+    dead = observed("servo-six", method, y, **quality)
     assert not any(each.status is Status.OK for each in dead[1000:])
+    assert dead[-1].message == "has an encoder that stands: shoulder"
 
 
 @pytest.mark.parametrize("method", ["riemannian_observer", "high_gain"])

@@ -2,7 +2,7 @@
 
 The innovations of a filter by feet, z_k - R' v of each foot k that stands, are those of an IMU whose errors are as
 declared and of feet that slip by no more than that. One foot may slide: of several the median counts, of each component
-by itself. The mean over 0.05 s, in which slips stay the same, has the covariance H P H' + sigma^2 I and is tested as the
+by itself. Their mean over 0.05 s, in which slips stay the same, has the covariance H P H' + sigma^2 I and is tested as
 innovations of any sensor are (``integrity.innovations``). An alarm is of the IMU, as a rule: the covariance becomes as
 much larger as the innovations are, the place may be off by what the velocity was, summed up, and the estimate is not OK
 for 20 s. Feet that were all refused since the test before it say what the velocity is.

@@ -37,6 +37,7 @@ from mathnavi.estimators.velocity.readings import (
 )
 from mathnavi.estimators.velocity.refusals import refusal
 from mathnavi.estimators.velocity.safe_answer import SafeAnswer
+from mathnavi.estimators.velocity.standing_joints import StandingJoints
 from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
@@ -236,6 +237,7 @@ class PositionObserver:
         self._unread = slice(0)  # coordinates that nothing reads
         self.reading_errors = ReadingErrors(mission)
         """errors of the readings"""
+        self._standing = StandingJoints(mission)
 
     def ignore(self, coordinates: slice) -> None:
         """Do not test these coordinates of its readings, which nothing reads."""
@@ -277,9 +279,9 @@ class PositionObserver:
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
         if covariance is not None:
-            covariance = self._tests.covariance(covariance)
+            covariance = self.reading_errors.widened(self._tests.covariance(covariance))
         if not message and self._tests.message:  # of which noise is the cause, if there is more than declared
-            message = self.reading_errors.doubt or self._tests.message
+            message = self.reading_errors.faults.doubt(t) or self.reading_errors.doubt or self._tests.message
         integrity = {"deviation": self._deviation(), "integrity": np.array([self._tests.ratio])}
         estimate = self.reading_errors.doubted(
             Estimate(
@@ -302,7 +304,7 @@ class PositionObserver:
         """Standard deviations (2 n,) of the components of position and velocity; NaN while there is no estimate."""
         if self._t is None:
             return np.full(2 * self._manifold.dimension, np.nan)
-        return self._tests.deviation(self._law.deviation)
+        return self.reading_errors.widened_deviation(self._tests.deviation(self._law.deviation))
 
     def _give_up(self, t: float, covariance: Array | None) -> None:
         """Start the law again at the next reading if an estimate that cannot be will not mend by itself."""
@@ -318,6 +320,7 @@ class PositionObserver:
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
         predicted = None if self._t is None else self._x[: self._manifold.size]
+        self.reading_errors.lose_turns(self._reader.unknown_turns)
         if self.reading_errors.read(t, y, predicted) and self._t is not None:
             self._noise = (self.reading_errors.variance, self.reading_errors.steps)
             self._law.learn(*self._noise)
@@ -326,6 +329,11 @@ class PositionObserver:
         used = self._timeout_monitor.t == t
         h = t - before if math.isfinite(before) else 0.0
         self._test(t, y, h, fresh)
+        errors = self.reading_errors
+        if self._t is not None and self._law.residual is not None and errors.faults.repeats.any():
+            joint = self._standing.doubted(self._x, y, u, h, errors.faults.repeats, errors.joint_errors)
+            if joint:
+                errors.faults.stands(t, joint)
         if self._safe_answer is None:
             return
         if used:

@@ -15,19 +15,22 @@ fifty readings, if each joint has changed ten times, or three times by the same,
 
 What a mission declares is tested instead: the smaller of r / sqrt(c R) and L / sqrt(R), of every fifth reading, which
 are independent, by the windowed tests of energy (``mathnavi.estimators.integrity.windows``). R is the variance of noise
-plus the largest that rounding can have, Delta^2 / 4.
+plus the largest that rounding can have, Delta^2 / 4. Encoders that repeat themselves or leap are those of
+``encoder_faults``.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from mathnavi.estimators.integrity.windows import CLIP, Flags, Thresholds, Windows
+from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFaults
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, rounding_steps
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Estimate, Status
@@ -37,7 +40,7 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 _POINTS = 4  # of the cubic
 _EVEN = np.array([4.0, -6.0, 4.0, -1.0])  # its weights for readings that are evenly spaced, the newest first
 _UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
-_FEWEST = 50  # readings from which noise is known
+_FEWEST, _BLOCKS = 50, 4  # readings from which noise is known, and numbers of as many of which the quietest counts
 _MEMORY = 200.0  # readings of the means
 _CLIP = 25.0  # times a mean, beyond which a square counts no more
 _RELEARN = 1.2  # ratio of a variance to the one before from which an observer is told
@@ -85,7 +88,7 @@ class EncoderSteps:
 
     def read(self, changes: Array) -> None:
         """Take the changes (k,) of the joints from one reading to the next."""
-        _refine(
+        refine(
             np.abs(changes), self._found, self._counted, self._alike, self._varied, self._confirmed, self._still
         )  # fmt: skip
 
@@ -104,13 +107,19 @@ class ReadingErrors:
         self._coordinates = np.array([each.coordinate for each in scalars], dtype=np.intp)
         self._hinges = np.array([each.hinge for each in scalars], dtype=np.bool_)
         self._encoders = EncoderSteps(len(scalars))
+        self.faults = EncoderFaults(scalars, mission.period)
+        """encoders that repeat themselves, or leap"""
+        self.joint_errors = np.zeros(len(scalars))
+        """the larger of deviation and step (k,) [rad, m] of the encoders of slides and hinges; 0 while not known"""
         self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
         self._smooth, self._predicted = np.zeros(n), np.zeros(n)  # means of r^2 / c and of L^2
+        self._squares, self._blocks = np.zeros(n), deque[Array](maxlen=_BLOCKS)  # sum and means of r^2 / c, by block
         self._count, self._innovations = 0, 0
         self._newest: Array | None = None  # (n,) r / sqrt(c) of the last reading
         self._was_known = False
         self.variance, self.steps = np.zeros(n), np.zeros(n)
         """variances (n,) [rad^2, m^2] and steps (n,) [rad, m] that were found; 0 where they are not known yet"""
+        self._declared: tuple[Array, Array] | None = None  # variances without rounding, and steps (n,)
         self._tested: Array | None = None  # (n,) R
         self._windows: Windows | None = None
         self._used = np.ones(n, dtype=np.bool_)
@@ -138,10 +147,30 @@ class ReadingErrors:
 
     def doubted(self, estimate: Estimate) -> Estimate:
         """Return an estimate unchanged, or DEGRADED if it is OK while the errors of its readings are not as declared,
-        or not known.
+        or not known, or while an encoder has failed.
         """
-        doubt = self.doubt if estimate.status is Status.OK else ""
+        doubt = (self.faults.doubt(estimate.t) or self.doubt) if estimate.status is Status.OK else ""
         return replace(estimate, status=Status.DEGRADED, message=doubt) if doubt else estimate
+
+    def lose_turns(self, places: Sequence[int]) -> None:
+        """The turns of hinges at these ``places`` of a point, and of no others, are not known."""
+        self.faults.turned[:] = np.isin(self._places, places)
+
+    def widened(self, covariance: Array) -> Array:
+        """Covariance (N, N) of a state whose encoders have leapt, or lost their turns."""
+        further = self.faults.deviation
+        if not further.any():
+            return covariance
+        wider = covariance.copy()
+        wider[self._places, self._places] += np.square(further)
+        return wider
+
+    def widened_deviation(self, deviation: Array) -> Array:
+        """Deviations (2 n,) of positions and velocities, likewise."""
+        further = self.faults.deviation
+        if further.any():
+            deviation[self._coordinates] = np.hypot(deviation[self._coordinates], further)
+        return deviation
 
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
         """Take a reading y (size,) of t [s] and the position (size,) that was predicted for it, if it was.
@@ -152,7 +181,8 @@ class ReadingErrors:
         past = self._past
         if past and (t <= past[-1][0] or innovation(self._manifold, past[-1][1], y) is None):
             past.clear()
-        if past and not self.declared:
+            self.faults.forget()
+        if past:
             self._encoders.read(y[self._places] - past[-1][1][self._places])
         r = self._residual(t, y) if len(past) == _POINTS else None
         past.append((t, y))
@@ -160,8 +190,12 @@ class ReadingErrors:
         if r is None:
             return False
         self._count += 1
-        if not self.declared:
-            _mean(self._smooth, r, self._count)
+        _mean(self._smooth, r, self._count)
+        self._squares += np.square(r)
+        if self._count % _FEWEST == 0:
+            self._blocks.append(self._squares / _FEWEST)
+            self._squares = np.zeros(len(r))
+        self._watch(t, y)
         if predicted is not None:
             self.expect(y, predicted)
         if self.declared:
@@ -169,6 +203,24 @@ class ReadingErrors:
         due = self._count % _FEWEST == 0 or (self.known and not self._was_known)
         self._was_known = self.known
         return due and self._learn()
+
+    def _watch(self, t: float, y: Array) -> None:
+        """Watch for encoders that repeat themselves or leap, once the errors of the readings are known."""
+        if not len(self._places) or not self.known or self._count < _FEWEST:
+            return
+        if self.declared:
+            if self._declared is None:
+                steps = rounding_steps(self._mission, y)
+                noise = reading_variance(self._mission, y) - np.square(steps) / 12.0
+                self._declared = np.maximum(noise, 0.0), steps
+            noise, steps = self._declared
+        else:
+            noise, steps = np.zeros(len(self.variance)), self.steps
+        at, shown = self._coordinates, self._smooth
+        steps = np.maximum(steps[at], self._encoders.steps)
+        self.joint_errors = np.maximum(np.sqrt(np.maximum(noise, shown)[at]), steps)
+        least = np.minimum.reduce(self._blocks)[at]
+        self.faults.read(t, y[self._places], EncoderErrors(noise[at], shown[at], least, steps))
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""
@@ -246,7 +298,7 @@ def _mean(mean: Array, values: Array, count: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _refine(
+def refine(
     changes: Array, found: Array, counted: Array, alike: Array, varied: Flags, confirmed: Array, still: Array
 ) -> None:
     """Find the steps (k,) of which all magnitudes of changes (k,) so far are multiples; 0 where none exists."""

@@ -27,6 +27,7 @@ from mathnavi.models.mechanism.geometry import MechanismManifold
 _TURN = 2.0 * math.pi
 _LAST = 4  # readings that say where the next one is
 _AHEAD, _SPANS = 1.0, 10.0  # [s], and times that of the last readings, for which a speed lasts at most
+_SILENT, _INTERVALS = 0.2, 10.0  # [s], and times the longest interval of the last readings: of a gap, at least
 _SLACK = 0.1  # [rad] by which a reading may be beyond a limit or a turn
 LASTING = 10
 """readings in a row that are refused, after which the next one is used"""
@@ -42,13 +43,19 @@ class PositionReader:
 
     An encoder of a hinge may start again after a turn, at 2 pi, at pi or elsewhere. A reading is then the angle nearest
     to where the readings before lead, or the one within the joint's limits. An encoder whose readings are more than a
-    turn apart counts turns itself.
+    turn apart counts turns itself. After a gap the angle is the one nearest to the last; where the joint can have moved
+    by a quarter of a turn meanwhile, its turns are not known any more.
     """
 
     def __init__(self, manifold: Manifold) -> None:
         self._manifold = manifold
         hinges = manifold.hinges if isinstance(manifold, MechanismManifold) else ()
         self._encoders = [_Encoder(*hinge) for hinge in hinges]
+
+    @property
+    def unknown_turns(self) -> list[int]:
+        """Places in a point of the hinges whose turns are not known."""
+        return [encoder.index for encoder in self._encoders if encoder.lost]
 
     def read(self, reading: Measurement) -> Array | None:
         """Point (size,) of the manifold; None for a reading of another sensor, and for one that is not a point."""
@@ -72,6 +79,8 @@ class _Encoder:
         self.index, self._low, self._high = index, low, high
         self._least, self._greatest = math.inf, -math.inf  # [rad] of its readings
         self._last: deque[tuple[float, float]] = deque(maxlen=_LAST)  # [s], [rad] with their turns
+        self.lost = False
+        """whether its turns are not known since a gap"""
 
     def turns(self, t: float, angle: float) -> int:
         """Whole turns to add to a reading of t [s]."""
@@ -84,6 +93,7 @@ class _Encoder:
     def _stands(self, angle: float) -> bool:
         """Return True if a reading needs no turns: the encoder counts them, or it is within the limits of its joint."""
         if self._greatest - self._least > _TURN + _SLACK:
+            self.lost = False
             return True
         return self._high - self._low <= _TURN and self._low - _SLACK <= angle <= self._high + _SLACK
 
@@ -93,6 +103,12 @@ class _Encoder:
             return 0.5 * (self._low + self._high) if self._high - self._low <= _TURN else angle
         speeds = [(after - before) / (then - at) for (at, before), (then, after) in pairwise(self._last)]
         speed = min(speeds, key=abs, default=0.0)
+        last, place = self._last[-1]
+        longest = max((then - at for (at, _), (then, _) in pairwise(self._last)), default=math.inf)
+        if t - last > max(_SILENT, _INTERVALS * longest):
+            self.lost |= max(map(abs, speeds)) * (t - last) > 0.25 * _TURN
+            self._last.clear()
+            return place
         farthest = max(_AHEAD, _SPANS * (self._last[-1][0] - self._last[0][0]))
         return median_low([before + min(max(t - at, 0.0), farthest) * speed for at, before in self._last])
 

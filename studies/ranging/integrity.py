@@ -1,11 +1,12 @@
-"""Integrity: how long is an estimator sure of a wrong pose, or of a wrong flight, while its sensors fail?
+"""Integrity: how long is an estimator sure of a wrong pose, flight or swing of an arm, while its sensors fail?
 
 A robot drives between places that are drawn within a wall through five corners, with three rays and odometry, 50
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
 (``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), a quadrotor by an IMU and
-fixes (``inertial_integrity``), a missile by readings of its whole state (``missile_integrity``), and a device is turned
-in a hand with a gyro and an accelerometer (``attitude_integrity``).
+fixes (``inertial_integrity``), a missile by readings of its whole state (``missile_integrity``), a device is turned in a
+hand with a gyro and an accelerometer (``attitude_integrity``), an arm swings whose encoders are read
+(``encoder_integrity``), and a quadruped moves its legs (``legged_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -15,8 +16,8 @@ instead, ``extra["protection"]``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,22 +33,64 @@ from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.ranging import (
     attitude_integrity,
     beacon_integrity,
+    encoder_integrity,
     flight_integrity,
     inertial_integrity,
+    legged_integrity,
     missile_integrity,
     pose_integrity,
 )
 from mathnavi.studies.ranging.integrity_judging import Outcome, Watched
 
 FIRST_SEED = 5000  # no threshold of the monitor was chosen on these
-ALL = (
-    *pose_integrity.ESTIMATORS,
-    beacon_integrity.ESTIMATOR,
-    *flight_integrity.ESTIMATORS,
-    inertial_integrity.ESTIMATOR,
-    missile_integrity.ESTIMATOR,
-    attitude_integrity.ESTIMATOR,
-)
+
+
+class Part(NamedTuple):
+    """Estimators that are tried in the same way."""
+
+    where: str  # end of a title
+    module: Any  # has SETTING, DURATION and END [s]
+    estimators: Sequence[str]
+    faults: Mapping[str, object]  # by name
+    watched: Callable[[Watched], Outcome]  # job of a run
+
+
+PARTS = (
+    Part("", pose_integrity, pose_integrity.ESTIMATORS, pose_integrity.FAULTS, pose_integrity.watched),
+    Part(
+        ", a robot among beacons", beacon_integrity, (beacon_integrity.ESTIMATOR,), beacon_integrity.FAULTS,
+        beacon_integrity.watched,
+    ),
+    *(
+        Part(f", a flight by {by}", flight_integrity, names, flight_integrity.FAULTS[by], flight_integrity.watched)
+        for by, names in (("fixes", flight_integrity.ESTIMATORS[:2]), ("beacons", flight_integrity.ESTIMATORS[2:]))
+    ),
+    Part(
+        ", a quadrotor by an IMU and fixes", inertial_integrity, (inertial_integrity.ESTIMATOR,),
+        inertial_integrity.FAULTS, inertial_integrity.watched,
+    ),
+    Part(
+        ", a missile by its whole state", missile_integrity, (missile_integrity.ESTIMATOR,), missile_integrity.FAULTS,
+        missile_integrity.watched,
+    ),
+    Part(
+        ", a device by a gyro and an accelerometer", attitude_integrity, (attitude_integrity.ESTIMATOR,),
+        attitude_integrity.FAULTS, attitude_integrity.watched,
+    ),
+    Part(
+        ", an arm by its encoders", encoder_integrity, encoder_integrity.ESTIMATORS, encoder_integrity.FAULTS,
+        encoder_integrity.watched,
+    ),
+    Part(
+        ", a quadruped by an IMU and its feet", legged_integrity, (legged_integrity.ESTIMATOR,),
+        legged_integrity.FAULTS, legged_integrity.watched,
+    ),
+)  # fmt: skip
+ALL = tuple(estimator for part in PARTS for estimator in part.estimators)
+INSEPARABLE = (*flight_integrity.INSEPARABLE, *encoder_integrity.ESTIMATORS)
+"""estimators whose monitor is a part of them"""
+UNOBSERVABLE = {(legged_integrity.ESTIMATOR, fault) for fault in legged_integrity.OF_ITS_IMU}
+"""estimators and faults after which a part of the state is never known again"""
 MOST_WRONG, MOST_FALSE, LEAST_RECOVERED = 0.005, 0.01, 0.9
 COLOURS = {True: "#0d5fa8", False: "#c2183b"}
 
@@ -60,30 +103,19 @@ class IntegrityConfig:
     """number of drives of each estimator under each fault"""
     alone: Count = 5
     """number of those that are also run without the monitor"""
-    faults: Count = max(len(pose_integrity.FAULTS), len(missile_integrity.FAULTS))
+    faults: Count = max(len(part.faults) for part in PARTS)
     """number of faults, none among them"""
     estimators: Count = len(ALL)
     """number of estimators"""
 
 
-def _part(estimator: str) -> tuple[str, Iterable[str], Callable[[Watched], Outcome]]:
-    """Words for where an estimator is tried, its faults, and the job of a run."""
-    if estimator == beacon_integrity.ESTIMATOR:
-        return ", a robot among beacons", beacon_integrity.FAULTS, beacon_integrity.watched
-    if estimator in flight_integrity.ESTIMATORS:
-        where = f", a flight by {estimator.split(', ')[1]}"
-        return where, flight_integrity.faults_of(estimator), flight_integrity.watched
-    if estimator == inertial_integrity.ESTIMATOR:
-        return ", a quadrotor by an IMU and fixes", inertial_integrity.FAULTS, inertial_integrity.watched
-    if estimator == missile_integrity.ESTIMATOR:
-        return ", a missile by its whole state", missile_integrity.FAULTS, missile_integrity.watched
-    if estimator == attitude_integrity.ESTIMATOR:
-        return ", a device by a gyro and an accelerometer", attitude_integrity.FAULTS, attitude_integrity.watched
-    return "", pose_integrity.FAULTS, pose_integrity.watched
+def _part(estimator: str) -> Part:
+    """Where an estimator is tried."""
+    return next(part for part in PARTS if estimator in part.estimators)
 
 
 class Integrity:
-    """Estimators of poses and flights while their sensors fail (Papers A and C)."""
+    """Estimators of poses, flights and joints while their sensors fail (Papers A, C and D)."""
 
     Config = IntegrityConfig
     quick = IntegrityConfig(seeds=1, alone=1, faults=3, estimators=2)
@@ -96,12 +128,12 @@ class Integrity:
         asked = [
             (estimator, fault)
             for estimator in ALL[: config.estimators]
-            for fault in [*_part(estimator)[1]][: config.faults]
+            for fault in [*_part(estimator).faults][: config.faults]
         ]
         for estimator, fault in asked:
-            job = _part(estimator)[2]
+            job = _part(estimator).watched
             for seed in range(FIRST_SEED, FIRST_SEED + config.seeds):
-                bare = seed < FIRST_SEED + config.alone and estimator not in flight_integrity.INSEPARABLE
+                bare = seed < FIRST_SEED + config.alone and estimator not in INSEPARABLE
                 for monitored in (True, False)[: 1 + bare]:
                     run = Watched(estimator, fault, seed, monitored)
                     jobs.add(run, job, [run])
@@ -110,11 +142,10 @@ class Integrity:
             for run, (done,) in jobs.done(setup).items()
         ]
         cells = [Cell(estimator, fault, rows) for estimator, fault in asked]
-        places = dict.fromkeys(_part(cell.estimator)[0] for cell in cells)
+        places = dict.fromkeys(_part(cell.estimator).where for cell in cells)
         return StudyResult(
             summary=(
-                f"{config.seeds} drives {pose_integrity.SETTING} {beacon_integrity.SETTING} {flight_integrity.SETTING} "
-                f"{inertial_integrity.SETTING} {missile_integrity.SETTING} {attitude_integrity.SETTING} The first "
+                f"{config.seeds} drives {' '.join(dict.fromkeys(part.module.SETTING for part in PARTS))} The first "
                 f"{min(config.alone, config.seeds)} runs of each are also made without the monitor, but for filters of "
                 "which it is a part.",
             ),
@@ -122,7 +153,7 @@ class Integrity:
             tables=[
                 each
                 for where in places
-                for each in tables([cell for cell in cells if _part(cell.estimator)[0] == where], where)
+                for each in tables([cell for cell in cells if _part(cell.estimator).where == where], where)
             ],
             figure=figure(cells),
             caption="Each dot is an estimator under a fault: (a) share of the time from the fault on in which it is "
@@ -219,7 +250,9 @@ def _seconds(value: float) -> str:
 def claims(cells: Sequence[Cell]) -> list[Claim]:
     """Evaluate every claim of the study."""
     wrong = [e for e in cells if e.judged > MOST_WRONG]
-    lost = [e for e in cells if e.recovered < LEAST_RECOVERED]
+    observable = [e for e in cells if (e.estimator, e.fault) not in UNOBSERVABLE]
+    lost = [e for e in observable if e.recovered < LEAST_RECOVERED]
+    times = dict.fromkeys(f"{part.module.DURATION - part.module.END:g} s{part.where}" for part in PARTS)
     false = {
         name: float(np.mean([e.false for e in cells if e.estimator == name]))
         for name in dict.fromkeys(e.estimator for e in cells)
@@ -246,14 +279,10 @@ def claims(cells: Sequence[Cell]) -> list[Claim]:
         ),
         Claim(
             "integrity.recovers", "target", "An estimator is right again once its sensors are.", "C.4",
-            f"OK and right for good within {pose_integrity.DURATION - pose_integrity.END:g} s, among beacons "
-            f"{beacon_integrity.DURATION - beacon_integrity.END:g} s, in flight "
-            f"{flight_integrity.DURATION - flight_integrity.END:g} s, by an IMU "
-            f"{inertial_integrity.DURATION - inertial_integrity.END:g} s, by the whole state "
-            f"{missile_integrity.DURATION - missile_integrity.END:g} s, in a hand "
-            f"{attitude_integrity.DURATION - attitude_integrity.END:g} s: "
-            f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault",
-            f"{len(cells) - len(lost)} of {len(cells)}"
+            f"OK and right for good within {'; '.join(times)}: "
+            f">= {LEAST_RECOVERED:.0%} of the runs of each estimator and fault that leaves the state "
+            "observable",
+            f"{len(observable) - len(lost)} of {len(observable)}"
             + f"; not {', '.join(f'{e.name} ({e.recovered:.0%})' for e in lost)}" * bool(lost), not lost,
         ),
     ]  # fmt: skip

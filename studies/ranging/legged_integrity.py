@@ -1,8 +1,8 @@
 """The part of the study of integrity by legs: a quadruped in MuJoCo, with an IMU, encoders and foot switches.
 
 It stands on four feet and moves its legs by sines, so that the trunk sways. Position, velocity and attitude of its base
-are judged each by itself, against ``base_deviation``; position and heading are not observable, so what a silent IMU
-leaves unknown of them is never found again.
+are judged each by itself, against ``base_deviation``. Position and heading are not observable: what an IMU that is
+silent, or wrong, leaves unknown of them is never found again.
 """
 
 from __future__ import annotations
@@ -40,8 +40,6 @@ AMPLITUDES = np.array([0.25, -0.25, 0.25, -0.25, 0.1, -0.3, 0.2, -0.2])  # [rad]
 RATES = (2.0, 8.0)  # [rad/s] of all of them, from and to
 BLOCKS = (slice(0, 3), slice(3, 6), slice(6, 9))
 """of a state: position, velocity and attitude"""
-SILENT = ("gyro stuck", "accelerometer stuck", "IMU silent for 3 s")
-"""faults after which position and heading stay unknown, which an IMU that is stuck leaves as a silent one does"""
 SETTING = (
     f"A quadruped that moves its legs for {DURATION:g} s reads its IMU, encoders and foot switches, the fault from "
     f"{ONSET:g} to {END:g} s; nor has it a protection level."
@@ -62,7 +60,7 @@ class Walk:
 
 
 Fault = Callable[[str, Array, dict[str, Array]], Array | None]
-"""change of a reading of a sensor, by its name; None for one that does not come. What it keeps is in the last argument"""
+"""change of a reading of a sensor, by its name, None if it does not come; in the last argument is what it keeps"""
 
 
 def _none(name: str, y: Array, kept: dict[str, Array]) -> Array:
@@ -101,15 +99,18 @@ def _encoder_off(name: str, y: Array, kept: dict[str, Array]) -> Array:
     return y
 
 
-FAULTS: dict[str, Fault] = {
-    "none": _none,
+OF_ITS_IMU: dict[str, Fault] = {
     "accelerometer in g": _imu(_FORCE, lambda f: f / 9.81),
     "accelerometer bias 0.5 m/s^2": _imu(_FORCE, lambda f: f + np.array([0.5, 0.0, 0.0])),
-    "gyro in deg/s": _imu(_GYRO, lambda w: np.rad2deg(w)),
+    "gyro in deg/s": _imu(_GYRO, np.rad2deg),
     "gyro bias 0.1 rad/s": _imu(_GYRO, lambda w: w + np.array([0.1, 0.0, 0.0])),
-    SILENT[0]: _stuck(_GYRO),
-    SILENT[1]: _stuck(_FORCE),
-    SILENT[2]: _silent,
+    "gyro stuck": _stuck(_GYRO),
+    "accelerometer stuck": _stuck(_FORCE),
+    "IMU silent for 3 s": _silent,
+}
+FAULTS: dict[str, Fault] = {
+    "none": _none,
+    **OF_ITS_IMU,
     "feet always in contact": _feet(np.ones_like),
     "feet never in contact": _feet(np.zeros_like),
     "an encoder 0.1 rad off": _encoder_off,

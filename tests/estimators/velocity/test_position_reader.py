@@ -43,6 +43,29 @@ def test_an_angle_goes_on_from_turn_to_turn(wrap: Callable[[Array], Array], spee
     np.testing.assert_allclose(found - found[0], angles - angles[0], atol=1e-9)
 
 
+def test_after_a_gap_the_angle_is_the_nearest_and_turns_are_not_known_where_the_joint_may_have_made_one() -> None:
+    model = mujoco.MjModel.from_xml_string(HINGE.format(""))
+    reader = PositionReader(MechanismManifold(model))
+
+    def read_one(t: float, angle: float) -> float:
+        found = reader.read(Measurement("position", t, np.array([angle])))
+        assert found is not None
+        return float(found[0])
+
+    for k in range(100):
+        read_one(0.01 * k, 0.5 * 0.01 * k)
+    assert read_one(2.0, 0.9) == 0.9
+    assert reader.unknown_turns == []
+    for k in range(1, 100):
+        read_one(2.0 + 0.01 * k, 0.9 + 3.0 * 0.01 * k - 3.0)
+    assert read_one(5.0, 0.3) == 0.3  # it was led to 6 rad, and swings
+    assert reader.unknown_turns == [0]
+    read_one(5.01, 0.33)
+    read_one(5.02, -6.2)
+    read_one(5.03, 0.3)
+    assert reader.unknown_turns == []  # it counts turns
+
+
 def test_where_a_joint_has_limits_the_reading_is_the_angle_within_them() -> None:
     model = mujoco.MjModel.from_xml_string(HINGE.format('limited="true" range="-1.5 1.5"'))
     times = 0.01 * np.arange(600)

@@ -1,0 +1,187 @@
+"""Encoders that fail, as their readings show it without a model: those that repeat themselves, and those that leap.
+
+**Repeats.** Of an encoder with noise sigma and steps Delta two readings are alike with a probability of at most
+
+    p = sum_k (Phi((k + 1/2) Delta / sigma) - Phi((k - 1/2) Delta / sigma))^2,
+
+so one that reads the same n times again, p^n < 1e-12, is stuck. The variance sigma^2 is no larger than declared, nor
+than half of what the readings have shown where they were the quietest: where rounding may be all there is of it, an
+encoder may repeat itself as long as it likes.
+
+**Leaps.** A joint does not leap. With lines through the four readings before and the four after a gap, d is the lesser
+of what lies between them at its two ends, 0 where they cross in it, as under any force that changes the velocity. An
+encoder has leapt by d if that is beyond 8 of its deviations, declared or shown, three times what the joint moves from
+reading to reading, and what an acceleration of 2000 rad/s^2 or m/s^2 can do. Either place may be the right one: |d|, or
+the sum of several leaps, is a deviation of the position until it leaps back, to a tenth of the largest or within 8
+deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from mathnavi.estimators.integrity.repeats import STUCK
+from mathnavi.estimators.integrity.windows import Flags
+from mathnavi.interfaces.compiled import njit
+from mathnavi.interfaces.signals import Array
+from mathnavi.models.mechanism.geometry import ScalarJoint
+from mathnavi.models.tolerances import TIME_TOLERANCE
+
+_SIDE = 4  # readings of a line
+_CHANCE, _LIKELY = 1e-12, 0.9  # of a run of repetitions, and of one, from which on repetitions say nothing
+_SHARE = 0.5  # of the variance that readings show, that is surely noise
+_DEVIATIONS, _STEPS, _FASTEST = 8.0, 3.0, 2000.0  # of a leap; [rad/s^2, m/s^2]
+_BACK = 0.1  # of the largest leap, within which an encoder has leapt back
+_GAP = 2.1  # intervals between readings, of which one is missing, with some jitter
+_STUCK_FOR, _LEAPT_FOR = 1.0, 5.0  # [s] of doubt after a repetition, and after a leap
+
+
+class EncoderErrors(NamedTuple):
+    """Errors (k,) of the readings of k encoders: variances [rad^2, m^2], and steps [rad, m]."""
+
+    noise: Array  # as declared, without rounding; 0 where nothing is
+    shown: Array  # as the readings have shown lately
+    least: Array  # likewise, while they were the quietest
+    steps: Array  # 0 without
+
+
+class EncoderFaults:
+    """Repetitions and leaps of the encoders of k slides and hinges."""
+
+    def __init__(self, joints: Sequence[ScalarJoint], period: float) -> None:
+        """``period`` [s] is the nominal time between readings."""
+        k = len(joints)
+        self._names, self._gap = [each.name for each in joints], _GAP * period
+        self._times, self._readings, self._count = np.zeros(2 * _SIDE), np.zeros((2 * _SIDE, k)), 0
+        self._enough = np.full(k, math.inf)
+        self.repeats = np.zeros(k)
+        """repetitions (k,) in a row so far"""
+        self._leap, self._largest = np.zeros(k), np.zeros(k)  # of this reading, and of all so far
+        self.offset = np.zeros(k)
+        """sums (k,) [rad, m] of the leaps of encoders that have not leapt back"""
+        self.turned = np.zeros(k, dtype=np.bool_)
+        """True (k,) for hinges whose turns are not known"""
+        self._until, self._doubt = -math.inf, ""  # [s]
+
+    @property
+    def deviation(self) -> Array:
+        """Deviations (k,) [rad, m] of the positions by leaps and unknown turns, beside those of the readings."""
+        deviation: Array = np.abs(self.offset) + 2.0 * math.pi * self.turned
+        return deviation
+
+    def doubt(self, t: float) -> str:
+        """Why an estimate of t [s] is doubted; "" if it is not."""
+        return self._doubt if t < self._until - TIME_TOLERANCE else ""
+
+    def read(self, t: float, y: Array, errors: EncoderErrors) -> None:
+        """Take readings y (k,) of t [s] with their ``errors``."""
+        if self._count and not 0.0 < t - self._times[-1] <= self._gap:
+            self._count = 0
+        self._times[:-1], self._readings[:-1] = self._times[1:], self._readings[1:]
+        self._times[-1], self._readings[-1] = t, y
+        self._count += 1
+        if self._count < 2:
+            self.repeats[:] = 0.0
+            return
+        same = y == self._readings[-2]
+        if same.any():
+            self._repeat(t, same, errors)
+        self.repeats[~same] = 0.0
+        if self._count < 2 * _SIDE:
+            return
+        variance = np.maximum(errors.noise + np.square(errors.steps) / 12.0, errors.shown)
+        leaps(self._times, self._readings, variance, self._leap)
+        if self._leap.any():
+            self._leapt(t, variance)
+
+    def stands(self, t: float, joint: str) -> None:
+        """Doubt the encoder of a joint that stands at t [s] while the model moves it."""
+        self._until, self._doubt = max(self._until, t + _STUCK_FOR), f"has an encoder that stands: {joint}"
+
+    def forget(self) -> None:
+        """Begin again with readings that are not related to those before; leaps are remembered."""
+        self._count = 0
+
+    def _repeat(self, t: float, same: Flags, errors: EncoderErrors) -> None:
+        for i in np.flatnonzero(same):
+            self.repeats[i] += 1.0
+            if self.repeats[i] == STUCK:  # what it has shown so far is still that of the readings before
+                step = float(errors.steps[i])
+                sure = min(float(errors.noise[i]), _SHARE * float(errors.least[i]) - step * step / 12.0)
+                self._enough[i] = repetitions(math.sqrt(max(sure, 0.0)), step)
+            elif self.repeats[i] < STUCK:
+                self._enough[i] = math.inf
+            if self.repeats[i] >= self._enough[i]:
+                self._until = max(self._until, t + _STUCK_FOR)
+                self._doubt = f"reads the same {self._names[i]} again and again"
+                self._count = min(self._count, 1)  # that it goes on elsewhere is no leap
+
+    def _leapt(self, t: float, variance: Array) -> None:
+        for i in np.flatnonzero(self._leap):
+            d = self._leap[i]
+            self._largest[i] = max(self._largest[i], abs(d))
+            self.offset[i] += d
+            if abs(self.offset[i]) <= max(_BACK * self._largest[i], _DEVIATIONS * math.sqrt(variance[i])):
+                self.offset[i] = self._largest[i] = 0.0
+                self._until = min(self._until, t + _STUCK_FOR)
+            else:
+                self._until = max(self._until, t + _LEAPT_FOR)
+                self._doubt = f"has an encoder that has leapt: {self._names[i]}"
+
+
+def repetitions(sigma: float, step: float) -> float:
+    """Number of repetitions in a row that chance does not explain, of readings with noise sigma rounded to ``step``."""
+    if sigma <= 0.0:
+        return math.inf
+    if step <= 0.0:
+        return STUCK
+    edges = [
+        0.5 * math.erf((k + 0.5) * step / (sigma * math.sqrt(2.0))) for k in range(math.ceil(8.0 * sigma / step) + 1)
+    ]
+    alike = (2.0 * edges[0]) ** 2 + 2.0 * sum((b - a) ** 2 for a, b in pairwise(edges))
+    return math.inf if alike > _LIKELY else max(float(STUCK), math.ceil(math.log(_CHANCE) / math.log(alike)))
+
+
+@njit(cache=True, nogil=True)
+def leaps(times: Array, y: Array, variance: Array, leap: Array) -> None:
+    """Write the leaps (k,) between the fourth and the fifth of the readings y (8, k) at ``times`` (8,), 0 for none.
+
+    ``variance`` (k,) is that of a reading.
+    """
+    half = len(times) // 2
+    gap = times[half] - times[half - 1]
+    middle, spread = np.zeros(2), np.zeros(2)
+    for side in range(2):
+        for j in range(half):
+            middle[side] += times[side * half + j] / half
+        for j in range(half):
+            spread[side] += (times[side * half + j] - middle[side]) ** 2
+    for i in range(y.shape[1]):
+        mean, slope = np.zeros(2), np.zeros(2)
+        for side in range(2):
+            for j in range(half):
+                mean[side] += y[side * half + j, i] / half
+            for j in range(half):
+                slope[side] += (times[side * half + j] - middle[side]) * y[side * half + j, i] / spread[side]
+        least, sign, most = math.inf, 0.0, 0.0
+        for end in range(2):
+            t = times[half - 1 + end]
+            d = mean[1] + slope[1] * (t - middle[1]) - mean[0] - slope[0] * (t - middle[0])
+            if sign * d < 0.0:
+                d = 0.0
+            sign = d
+            least = min(least, abs(d))
+            factor = 2.0 / half
+            for side in range(2):
+                factor += (t - middle[side]) ** 2 / spread[side]
+            most = max(most, factor)
+        limit = max(_DEVIATIONS * math.sqrt(most * variance[i]), 0.25 * _FASTEST * gap * gap)
+        for j in range(1, 2 * half):
+            if j != half:
+                limit = max(limit, _STEPS * abs(y[j, i] - y[j - 1, i]) * gap / (times[j] - times[j - 1]))
+        leap[i] = math.copysign(least, sign) if least > limit else 0.0

@@ -1,0 +1,119 @@
+"""Encoders that repeat themselves, leap or stand are doubted; those of joints that rest, stop or are hit are not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFaults, repetitions
+from mathnavi.interfaces.signals import Array, Measurement, Status
+from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.geometry import ScalarJoint
+from mathnavi.models.mechanism.system import MechanismSystem
+from mathnavi.sim.plugin.registry import load
+from tests.estimators.velocity.test_reading_errors import encoded, observed
+
+PERIOD, SIGMA, STEP = 0.005, 5e-4, 2.0 * math.pi / 2.0**14
+JOINT = ScalarJoint("elbow", 0, 0, True, -math.inf, math.inf)
+
+
+def watched(
+    y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP
+) -> tuple[list[str], EncoderFaults]:
+    """Doubts (N,) about readings y (N,) of a joint."""
+    found = EncoderFaults([JOINT], PERIOD)
+    doubts = []
+    for k, each in enumerate(y):
+        t = PERIOD * k
+        seen = np.array([shown**2 + step**2 / 12.0])
+        found.read(t, np.array([each]), EncoderErrors(np.array([sigma**2]), seen, seen, np.array([step])))
+        doubts.append(found.doubt(t))
+    return doubts, found
+
+
+def read(q: Array, sigma: float = SIGMA) -> Array:
+    noisy = q + sigma * np.random.default_rng(2).standard_normal(len(q))
+    return np.asarray(STEP * np.round(noisy / STEP), np.float64)
+
+
+def swing(seconds: float) -> Array:
+    return np.asarray(np.sin(2.0 * PERIOD * np.arange(round(seconds / PERIOD))), np.float64)
+
+
+@pytest.mark.parametrize("sigma", [0.8 * STEP, SIGMA, 3.0 * SIGMA])
+def test_an_encoder_with_noise_is_stuck_if_it_repeats_itself_and_one_at_rest_is_not(sigma: float) -> None:
+    rest = read(np.zeros(4000), sigma)
+    assert not any(watched(rest, sigma, sigma)[0])
+    y = read(swing(6.0), sigma)
+    y[400:800] = y[400]
+    doubts, found = watched(y, sigma, sigma)
+    enough = repetitions(math.sqrt(0.5 * sigma**2 - 0.5 * STEP**2 / 12.0), STEP)
+    assert enough < 50
+    assert not any(doubts[:400])
+    assert all(doubts[400 + int(enough) : 800])
+    assert not any(doubts[1000 + 4 :])
+    assert not found.offset.any()
+
+
+def test_where_rounding_may_be_all_there_is_of_the_noise_an_encoder_may_repeat_itself() -> None:
+    """A bound of the noise is declared, and the encoder is better."""
+    still = np.zeros(2000)
+    assert not any(watched(still, SIGMA, 0.0)[0])
+    assert not any(watched(still, 0.0, SIGMA)[0])
+    assert repetitions(0.0, STEP) == math.inf
+    assert repetitions(0.1 * STEP, STEP) == math.inf
+
+
+def test_a_leap_is_doubted_and_a_deviation_of_the_position_until_the_encoder_leaps_back() -> None:
+    y = read(swing(12.0))
+    y[600:2000] += 0.1
+    doubts, found = watched(y[:1900])
+    assert not any(doubts[:600])
+    assert all(doubts[603:1600])
+    assert not doubts[1899]
+    assert found.offset[0] == pytest.approx(0.1, abs=3e-3)
+    _, found = watched(y)
+    assert found.offset[0] == 0.0
+
+
+def test_what_a_joint_does_is_no_leap() -> None:
+    t = PERIOD * np.arange(2000)
+    starts = np.where(t < 5.0, 0.0, 4.0 * (t - 5.0))  # as if it were hit
+    stops = np.where(t < 5.0, 4.0 * t, 20.0)
+    shakes = 0.02 * np.sin(2.0 * math.pi * 60.0 * t)
+    steps = np.floor(t) * STEP
+    for q in (starts, stops, shakes, steps, 10.0 * t):
+        doubts, found = watched(read(q))
+        assert not any(doubts)
+        assert not found.offset.any()
+    single = read(swing(10.0))
+    single[1000] += 0.5  # an outlier
+    assert not watched(single)[1].offset.any()
+
+
+@pytest.mark.parametrize("method", ["riemannian_observer", "momentum_observer"])
+@pytest.mark.parametrize("declared", [True, False], ids=["declared", "not declared"])
+def test_a_dead_encoder_is_not_believed_while_the_model_moves_its_joint(method: str, declared: bool) -> None:
+    quality = {"resolution": 14} if declared else {}
+    y = encoded("servo-six").copy()
+    good = observed("servo-six", method, y[:1300], **quality)
+    assert all(each.status is Status.OK for each in good[750:])
+    y[:, 1] = y[0, 1]
+    dead = observed("servo-six", method, y, **quality)
+    assert not any(each.status is Status.OK for each in dead[1000:])
+    assert dead[-1].message == "has an encoder that stands: shoulder"
+
+
+@pytest.mark.parametrize("method", ["riemannian_observer", "high_gain"])
+def test_an_arm_at_rest_where_its_model_would_sag_is_not_said_to_have_a_dead_encoder(method: str) -> None:
+    """A model that is wrong is wrong by the same while nothing changes."""
+    model = build_model("servo-six")
+    mission = LagrangianMission(MechanismSystem(model), PositionQuality(resolution=14), 0.001)
+    plugin: Any = load("estimators", method)
+    estimator, y, u = plugin.build(plugin.Config(), mission), np.zeros(model.nq), np.zeros(model.nu)
+    found = [estimator.update(0.001 * k, [Measurement("position", 0.001 * k, y)], u) for k in range(1500)]
+    assert not any("stands" in each.message for each in found)

@@ -4,9 +4,9 @@ A robot drives between places that are drawn within a wall through five corners,
 readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimator runs over the same readings with its
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
 (``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), a quadrotor by an IMU and
-fixes (``inertial_integrity``), a missile by readings of its whole state (``missile_integrity``), a device is turned in a
-hand with a gyro and an accelerometer (``attitude_integrity``), an arm swings whose encoders are read
-(``encoder_integrity``), and a quadruped moves its legs (``legged_integrity``).
+fixes (``inertial_integrity``), a missile by readings of its whole state (``missile_integrity``), a device turns with a
+gyro and an accelerometer (``attitude_integrity``), an arm swings whose encoders are read (``encoder_integrity``), and
+a quadruped moves its legs (``legged_integrity``).
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level

@@ -5,7 +5,6 @@ from __future__ import annotations
 from numba.core import types
 
 from mathnavi.estimators.integrity.windows import add, worst_of
-from mathnavi.estimators.velocity.encoder_faults import leaps
 from mathnavi.estimators.velocity.gain_covariance import update
 from mathnavi.estimators.velocity.innovation_tests import declare, note
 from mathnavi.estimators.velocity.reading_errors import refine
@@ -16,7 +15,6 @@ _NUMBER, _WHOLE, _FLAG, _COUNTS = types.float64, types.int64, types.boolean, arr
 KERNELS: tuple[Signature, ...] = (
     (add, (TWO, _WHOLE, ONE, ONE)),
     (worst_of, (TWO, _WHOLE, array(1, types.boolean), _COUNTS, _NUMBER, _NUMBER, ONE)),
-    (leaps, (ONE, TWO, ONE, ONE)),
     (refine, (*(ONE,) * 4, array(1, types.boolean), ONE, ONE)),
     (update, (THREE, _NUMBER, _FLAG, *(ONE,) * 7, _NUMBER)),
     (declare, (ONE, ONE, ONE, _NUMBER)),

@@ -50,7 +50,7 @@ _SIX_DIGITS = 5e-6  # relative, by which a rate of six digits may be off
 class ArmVelocityConfig(LagrangianFields):
     """Fields of the scenario."""
 
-    kernels: ClassVar[str] = "mathnavi.models.mechanism.forces"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.estimators.velocity.encoders_ahead"  # compiled before the first run
 
     tick: ClassVar[float | None] = None
 

@@ -35,7 +35,7 @@ _HERE[:3, _D], _HERE[_D, _D] = _I3, 0.0
 
 
 class Rows(Protocol):
-    """What is read: ``BeaconRows``, or ``FixRows``."""
+    """Readings of a flight: ``BeaconRows``, or ``FixRows``."""
 
     def linear(self, p: Array, rows: Iterable[int]) -> tuple[Array, Array]:
         """Numbers of some rows from p (3,), and their derivatives."""
@@ -66,7 +66,7 @@ class FixRows:
 
 @dataclass
 class Step:
-    """From one reading to the next, or to a time at which a state is kept."""
+    """Time from one reading to the next, or to one at which a state is kept."""
 
     start: float  # [s]
     t: float  # [s]
@@ -132,7 +132,7 @@ class LeapFilter:
 
 
 class LeapReading(NamedTuple):
-    """What a filter has made of a reading of m numbers."""
+    """A reading of m numbers as a filter has used it."""
 
     nu: Array  # (m,)
     S: Array  # (m, m)
@@ -213,7 +213,7 @@ class LeapModel:
         return self._discrete[key]
 
     def _moved_by(self, step: Step) -> Array:
-        """What the inputs of a step add to (p, v, g) (9,)."""
+        """Change of (p, v, g) (9,) by the inputs of a step."""
         if step.moved is None:
             since, moved = step.start, np.zeros(9)
             for t, command in step.held:

@@ -103,7 +103,7 @@ class Channels:
 
     @property
     def message(self) -> str:
-        """What is left out, or else in doubt, or ""."""
+        """Channels that are left out, or else in doubt, as a message; ""."""
         if self._out is not None:
             return f"leaves out the {self._names[self._out]}, which disagrees"
         return "has readings that may be late" if self._is_late else ""

@@ -80,7 +80,7 @@ class FootWitness:
 
 
 class StuckImu:
-    """Which parts of an IMU, gyro and accelerometer, repeat their readings."""
+    """Parts of an IMU, gyro and accelerometer, that repeat their readings."""
 
     def __init__(self, deviations: tuple[float, float]) -> None:
         """``deviations`` [rad/s, m/s^2] are those of the readings; a part without noise may repeat one."""

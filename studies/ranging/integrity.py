@@ -110,7 +110,7 @@ class IntegrityConfig:
 
 
 def _part(estimator: str) -> Part:
-    """Where an estimator is tried."""
+    """Part of the study in which an estimator is tried."""
     return next(part for part in PARTS if estimator in part.estimators)
 
 

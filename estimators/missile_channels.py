@@ -103,7 +103,7 @@ class Channels:
 
     @property
     def message(self) -> str:
-        """Channels that are left out, or else in doubt, as a message; ""."""
+        """Message that names what is left out, or else is in doubt; "" if nothing is."""
         if self._out is not None:
             return f"leaves out the {self._names[self._out]}, which disagrees"
         return "has readings that may be late" if self._is_late else ""

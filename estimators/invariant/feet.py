@@ -6,8 +6,6 @@ by itself. Their mean over 0.05 s, in which slips stay the same, has the covaria
 innovations of any sensor are (``integrity.innovations``). An alarm is of the IMU, as a rule: the covariance becomes as
 much larger as the innovations are, the place may be off by what the velocity was, summed up, and the estimate is not OK
 for 20 s. Feet that were all refused since the test before it say what the velocity is.
-
-A gyro or an accelerometer with noise that repeats a reading is stuck.
 """
 
 from __future__ import annotations
@@ -15,9 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.estimators.integrity.innovations import InnovationMonitor
-from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, Strapdown
-from mathnavi.interfaces.signals import Array, Measurement, Status
+from mathnavi.interfaces.signals import Array, Status
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 SLIPS_FOR = 0.05
@@ -77,16 +74,3 @@ class FootWitness:
         strapdown.X[:3, 3] += strapdown.X[:3, :3] @ nu
         P[SPEED, :] = P[:, SPEED] = 0.0
         P[SPEED, SPEED] = self._R + np.outer(nu, nu)
-
-
-class StuckImu:
-    """Parts of an IMU, gyro and accelerometer, that repeat their readings."""
-
-    def __init__(self, deviations: tuple[float, float]) -> None:
-        """``deviations`` [rad/s, m/s^2] are those of the readings; a part without noise may repeat one."""
-        parts = zip((slice(0, 3), slice(3, 6)), deviations, strict=True)
-        self._noisy = [(part, Repeats()) for part, deviation in parts if deviation > 0.0]
-
-    def has(self, reading: Measurement) -> bool:
-        """True for a reading of an IMU of which a part has read the same many times."""
-        return max((same.take(reading.value[part]) for part, same in self._noisy), default=0) >= STUCK

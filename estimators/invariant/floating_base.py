@@ -33,8 +33,9 @@ import mujoco
 import numpy as np
 from scipy.special import chdtri
 
+from mathnavi.estimators.integrity.repeats import StuckImu
 from mathnavi.estimators.invariant import strapdown
-from mathnavi.estimators.invariant.feet import SLIPS_FOR, FootWitness, StuckImu
+from mathnavi.estimators.invariant.feet import SLIPS_FOR, FootWitness
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import Strapdown
@@ -189,9 +190,9 @@ class FloatingBaseIekf:
 
         ``extra`` has ``base_deviation`` (9,), standard deviations of the attitude about the IMU's axes [rad], of its
         velocity [m/s] and of its position [m] along those of the world, the IMU's ``bias`` (6,) [rad/s, m/s^2] with
-        its ``bias_deviation`` (6,), ``standing`` (k,), 1 for each foot whose
-        velocity was used, and the extra arrays of the joints' observer. It also counts the readings that were not used;
-        a standing foot that slides counts as an outlier.
+        its ``bias_deviation`` (6,), ``standing`` (k,), 1 for each foot whose velocity was used, and the extra arrays of
+        the joints' observer. It also counts the readings that were not used; a standing foot that slides, and a reading
+        of an IMU that repeats itself, count as outliers.
         """
         self._standing[:] = 0.0
         self._since = t if math.isnan(self._since) else self._since
@@ -242,7 +243,7 @@ class FloatingBaseIekf:
             reason = Unused.NOT_FINITE
         elif reading.name == IMU and reading.t < self._imu.t - TIME_TOLERANCE:
             reason = Unused.LATE
-        elif reading.name == IMU and self._stuck_imu.has(reading):
+        elif reading.name == IMU and self._stuck_imu.has(reading.value):
             reason = Unused.OUTLIER
         if reason is not None:
             self._counts.add(reason)

@@ -42,7 +42,7 @@ from mathnavi.estimators.flight_leap_filters import FixRows
 from mathnavi.estimators.flight_leaps import Leaps
 from mathnavi.estimators.flight_model import AxisModel
 from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
-from mathnavi.estimators.integrity.repeats import STUCK, Repeats
+from mathnavi.estimators.integrity.repeats import StuckImu
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
@@ -60,7 +60,7 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.linear_noise import discretised
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, VELOCITY
-from mathnavi.models.quadrotor.mission import InertialQuality, QuadrotorMission
+from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.quaternion import rotation
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -107,7 +107,7 @@ class InertialIekf:
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
         self._begun = self._doubted = -math.inf  # [s] when it began again, and when its fixes began to disagree
-        self._noisy = [(part, Repeats()) for part, std in _parts(mission.inertial) if std > 0.0]  # of an IMU's reading
+        self._stuck_imu = StuckImu((mission.inertial.gyro, mission.inertial.accelerometer))
         self._noisy_fixes = mission.flight.position_noise > 0.0
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
@@ -235,7 +235,7 @@ class InertialIekf:
     def _is_stuck(self, reading: Measurement) -> bool:
         """True for a reading of a sensor with noise that has read the same many times, or the half of an IMU has."""
         if reading.name == "imu":
-            return max((same.take(reading.value[part]) for part, same in self._noisy), default=0) >= STUCK
+            return self._stuck_imu.has(reading.value)
         return self._noisy_fixes and self._monitor.note_value(reading.t, reading.value)
 
     def _coast(self, t: float, command: Array) -> None:
@@ -381,11 +381,6 @@ def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
             P[part], P[:, part] = 0.0, 0.0
             P[part, part] = stated**2 * np.eye(3)
     return P
-
-
-def _parts(quality: InertialQuality) -> tuple[tuple[slice, float], ...]:
-    """Components of an IMU's reading that one instrument reads, and their standard deviation."""
-    return (slice(0, 3), quality.gyro), (slice(3, 6), quality.accelerometer)
 
 
 def _deviations(mission: QuadrotorMission) -> tuple[float, float]:

@@ -9,8 +9,10 @@ imply. Range rates come from a window of readings, at the centre of which the ob
 pushed forward with the inputs that odometry measured. A lost ray is replaced by that motion too.
 
 The covariance of the estimate is that of the errors of these gains (``observer_covariance``). Where fitted ranges and
-rates are beyond three of their deviations about those expected at the pose for more than 0.25 s, the estimate is
-DEGRADED until 2 s without, and LOST after 2 s of it.
+rates are beyond four of their deviations about those expected at the pose for more than 0.25 s, the estimate is
+DEGRADED until 2 s without, and LOST after 2 s of it, until 5 s without. Where it was told no start, or was lost, it is
+DEGRADED until an estimator that finds a pose itself has found the same (``unique_pose``). A ray with noise that repeats
+itself is left out.
 
 **Ranges and range rates from noisy ranges**: a Savitzky-Golay filter at the centre of a window.
 
@@ -35,12 +37,14 @@ import numpy as np
 from annotated_types import Interval
 from scipy.interpolate import CubicSpline
 
+from mathnavi.estimators.integrity.repeats import STUCK, Repeats
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE, RangeModel
 from mathnavi.estimators.ranging.observer_covariance import ObserverCovariance, Step, innovations, slopes_of
 from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.reader import RangeReader
+from mathnavi.estimators.ranging.unique_pose import UniquePose
 from mathnavi.estimators.timeout_monitor import waiting, worst
 from mathnavi.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.interfaces.errors import FieldError
@@ -61,7 +65,14 @@ _STRIDE = 5  # readings at most between two at which rays are cast
 _LEAST_NODES = 4  # of them on either side
 _DOUBTED = 0.25  # [s] of a disagreement after which an estimate is no longer OK
 _SETTLED = 2.0  # [s] without a disagreement until an estimate is OK again, or with one until it is lost
+_FOUND = 5.0  # [s] without one until an estimate that was lost is OK again
 _DEVIATIONS, _APART = 3.0, 0.02  # of a range, and share of the longest: positions by two rays that agree
+_DISAGREEING = 4.0  # deviations of one of the fitted ranges and rates, which are many
+
+_WORDS = {
+    Status.DEGRADED: "may be at another pose with which its ranges agree",
+    Status.LOST: "is at another pose than the one that its readings are found to be of",
+}
 
 
 def check_window(window: int, order: int) -> None:
@@ -210,6 +221,7 @@ class RangeObserver:
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # Before there is a range rate, the expectation uses none.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
+        self._noisy, self._repeats = not exact, [Repeats() for _ in range(l)]
         self._wall, self._alpha = curve.wall, mission.alpha
         self._fit = (savitzky_golay(window, order), spread(window), mission.period)
         self._window = FitWindow(window, l)
@@ -223,8 +235,9 @@ class RangeObserver:
         self._odometry = (model.W, model.scale**2)  # variances (2,) of the input, and that of its scale error
         self._last: tuple[Array, Array] | None = None  # pose (3,) and covariance (3, 3) of the last call
         self._innovations = np.full((2, l), np.nan)  # [m] of the last call, and their deviations
-        self._errors = ObserverCovariance(model, self._fit[0], mission.period)
+        self._errors = ObserverCovariance(model, self._fit[0], mission.period, reckoned=self._fits_innovation)
         self._quiet, self._wrong = math.inf, 0.0  # [s] for which the ranges have agreed with the pose, and have not
+        self._was_lost, self._unique = False, UniquePose(mission)  # since it was OK last; whether it is the only pose
         self._errors.start(
             slopes_of(self._wall, self._alpha, self._pose, self._z), RangeModel(mission).start()[1][:3, :3]
         )
@@ -278,6 +291,10 @@ class RangeObserver:
         """
         window, reader = self._window, self._reader
         rho, u = reader.read(t, measurements, command)
+        stuck = [same.take(each) >= STUCK for same, each in zip(self._repeats, rho, strict=True)]
+        if self._noisy and any(stuck):
+            rho = np.where(stuck, np.nan, rho)
+            reader.counts.add(Unused.OUTLIER, sum(stuck))
         self._innovations[:] = np.nan
         if self._last is not None:
             odometry = (np.ascontiguousarray(u), *self._odometry)
@@ -292,8 +309,12 @@ class RangeObserver:
         z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
         self._last = x, P
         extra = {"z": z, "value": self._value.copy(), **published(self._innovations), **reader.counts.extra}
+        measured = bool(np.isfinite(rho).any())
+        alone = self._unique.judge(Estimate(t, x, P, status), measurements, command, measured=measured)
         wanted = "ranges" if window.has_centre else f"{window.half + 1} readings: it has {window.count}"
         message = "" if self._lock is Status.OK else "disagrees with its ranges and their rates"
+        if alone is not Status.OK and status.usable:
+            status, message = worst(status, alone), message or _WORDS[alone]
         return Estimate(t, x, P, status, extra, waiting(status, wanted) or message)
 
     @property
@@ -301,7 +322,7 @@ class RangeObserver:
         """Status that follows from how long ranges and rates have agreed or disagreed with the pose."""
         if self._wrong > _SETTLED:
             return Status.LOST
-        return Status.OK if self._quiet > _SETTLED else Status.DEGRADED
+        return Status.OK if self._quiet > (_FOUND if self._was_lost else _SETTLED) else Status.DEGRADED
 
     def _observe(self) -> None:
         """Advance the observer by one period, at the window's centre."""
@@ -328,10 +349,12 @@ class RangeObserver:
         )
         self._readings = readings
         disagreement = self._errors.disagreement(wall, self._pose, readings, window.centre_input)
-        if disagreement <= _DEVIATIONS:
+        if disagreement <= _DISAGREEING:
             self._quiet, self._wrong = self._quiet + self.period, 0.0
+            self._was_lost &= self._quiet <= _FOUND
             return
         self._wrong += self.period
+        self._was_lost |= self._wrong > _SETTLED
         if self._wrong > _DOUBTED:
             self._quiet = 0.0
 

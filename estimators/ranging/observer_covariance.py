@@ -24,7 +24,9 @@ P + m m'. So the observer as printed, which lags, declares how much it lags.
 
 **Does it hold?** The fitted ranges and rates r differ from those that are expected at the pose by T (e_x, n, n', b),
 whose variances follow from the recursion, whatever correlations the errors have in time. Where one of them is beyond
-three deviations for long, the observer has lost lock, or a reading is not as declared.
+three deviations for long, the observer has lost lock, or a reading is not as declared. Where what is fitted is off from
+readings that odometry has led to, its noise adds to r too: away from the centre the robot has wandered by as many steps
+w of variance W dt^2 as lie between, and ranges with it by a_j w_j, where the rates are a_1 u_1 + a_2 u_2.
 
 From the window's centre to now the error grows with the odometry's noise and scale (``pushed``).
 """
@@ -59,8 +61,10 @@ the flag is True"""
 class ObserverCovariance:
     """Second moments of the errors of z, of the pose, and of what they come from."""
 
-    def __init__(self, model: RangeModel, weights: Array, period: float) -> None:
-        """``weights`` (p + 1, 2 m + 1) are those of the fit."""
+    def __init__(self, model: RangeModel, weights: Array, period: float, *, reckoned: bool) -> None:
+        """``weights`` (p + 1, 2 m + 1) are those of the fit, which is ``reckoned`` if it is to what readings are off
+        from those of a robot that moves through the window as the odometry says.
+        """
         l = len(model.angles)  # noqa: E741
         self._model, self._period, self._l = model, period, l
         seconds = period * (weights.shape[1] // 2)  # of a unit of the fit's time
@@ -69,6 +73,7 @@ class ObserverCovariance:
         zeta = omega * period / (4.0 * value)
         flow: Array = expm(period * np.array([[0.0, 1.0], [-(omega**2), -2.0 * zeta * omega]]))
         self._flow, self._steady = flow, np.array([value, slope])
+        self._wandering = reckoned * period**2 * _wandering(weights[:2]) / np.array([1.0, seconds**2])
         steady = np.diag(self._steady)
         self._new = steady - flow @ steady @ flow.T  # for readings of variance one
         c = self._c = l + 1 + POSE
@@ -135,7 +140,9 @@ class ObserverCovariance:
         at = self._c - POSE
         scale = np.append(np.ones(POSE), self._scale)
         joint, m = self._P[at:, at:] * np.outer(scale, scale), T[:, :POSE] @ self._mean[at : self._c]
-        variance = np.maximum(np.einsum("ij,jk,ik->i", T, joint, T), _ROUNDING**2) + np.square(m)
+        along = [ranges_and_rates(wall, self._model.angles, pose, each)[l:] for each in np.eye(2)]  # a_j
+        wandering = np.outer(self._wandering, np.square(along).T @ self._model.W).ravel()[known]
+        variance = np.maximum(np.einsum("ij,jk,ik->i", T, joint, T), _ROUNDING**2) + np.square(m) + wandering
         self._disagreement = float((np.abs(r) / np.sqrt(variance)).max())
         return self._disagreement
 
@@ -184,6 +191,15 @@ class ObserverCovariance:
         after = pushed(P, pose, inputs, self._model.W, self._period)[:POSE, :POSE]
         covariance: Array = 0.5 * (after + after.T) + _ROUNDING**2 * np.eye(POSE)
         return covariance
+
+
+def _wandering(weights: Array) -> Array:
+    """Variances (k,) of sums with ``weights`` (k, 2 m + 1) of a walk of unit steps that is zero at the centre."""
+    m = weights.shape[1] // 2
+    ahead = np.cumsum(weights[:, :m:-1], axis=1)  # of all values that have a step, the outermost first
+    behind = np.cumsum(weights[:, :m], axis=1)
+    found: Array = np.square(ahead).sum(axis=1) + np.square(behind).sum(axis=1)
+    return found
 
 
 def slopes_of(wall: WallShape, alpha: Array, pose: Array, z: Array) -> Array:

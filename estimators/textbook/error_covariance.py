@@ -69,10 +69,10 @@ class ErrorCovariance:
             return _LARGEST * np.eye(len(x))
         return _bounded(inverse @ self._P @ inverse.T, _LARGEST * np.eye(len(x)))
 
-    def output_variance(self, x: Array, P: Array, u: Array) -> Array:
-        """Variances (m,) of a reading about the output of an estimate x (n,) with covariance P (n, n)."""
+    def output_covariance(self, x: Array, P: Array, u: Array) -> Array:
+        """Covariance (m, m) of a reading about the output of an estimate x (n,) with covariance P (n, n)."""
         C = np.array(output_and_slope(self._system)(x, u)[1])
-        found: Array = np.einsum("ij,jk,ik->i", C, P, C) + self.variance
+        found: Array = C @ P @ C.T + self.variance * np.eye(len(C))
         return found
 
     def _slope(self, x: Array) -> Array:

@@ -5,18 +5,20 @@
 w white with one intensity on every component, v with the variance of the readings. The filter (filterpy's) propagates
 x^ by the solution and its covariance by the Jacobian of one step of it, and conditions on the readings of those outputs
 that are in sight from x^, with h linearised about the resulting estimate. A step on which the solution escapes is not
-taken, and the estimate is lost until a step can be taken.
+taken, and the estimate is lost until a step can be taken. Innovations are tested over windows
+(``integrity.innovations``), and outputs with noise that repeat themselves are left out.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.estimators.kalman_steps import external_prediction_ekf
-from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting
+from mathnavi.estimators.timeout_monitor import InnovationMean, TimeoutMonitor, is_late, time_ahead, waiting, worst
 from mathnavi.interfaces.bounds import Count, NonNegative, Positive, configuration
 from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -61,6 +63,7 @@ class TextbookEkf:
         self._variance = max(mission.noise, config.noise_floor) ** 2
         self._t: float | None = None  # [s] of the filter's state; None before the first call
         self._timeout_monitor = TimeoutMonitor(config.timeout, mission.period)
+        self._monitor, self._noisy = InnovationMonitor("readings of output", m, mission.period), mission.noise > 0.0
         self._followed = True  # the last step was taken
         self._counts, self._mean = ReadingCounts(), InnovationMean(_MOST)
         self._innovations = np.full((2, m), np.nan)  # of the last reading, and their deviations
@@ -100,14 +103,20 @@ class TextbookEkf:
                 self._counts.add(Unused.UNKNOWN_SENSOR)
             elif is_late(reading.t, self._t):
                 self._counts.add(Unused.LATE)
+            elif self._noisy and self._monitor.note_value(reading.t, reading.value):
+                self._counts.add(Unused.OUTLIER)
             else:
                 self._predict(reading.t, command)
                 self._condition(reading, command)
         self._predict(t, command)
-        P = 0.5 * (self._filter.P + self._filter.P.T)
+        P = self._monitor.inflation * 0.5 * (self._filter.P + self._filter.P.T)
         status = self._status(t, P)
-        message = waiting(status, "a reading of output")
-        extra = {**published(self._innovations), **self._counts.extra}
+        message = waiting(status, "a reading of output") or self._monitor.message
+        extra = {
+            "integrity": np.array([self._monitor.ratio]),
+            **published(self._innovations),
+            **self._counts.extra,
+        }
         return Estimate(t, self._filter.x.copy(), P, status, extra, message)
 
     def _predict(self, t: float, u: Array) -> None:
@@ -139,13 +148,9 @@ class TextbookEkf:
             return
         # State, reading and expectation are flat: filterpy broadcasts a flat array and a column to a square matrix.
         R = self._variance * np.eye(int(np.count_nonzero(seen)))
-        for k in range(self._config.iterations):
+        self._test(reading, seen, u)
+        for _ in range(self._config.iterations):
             expected, slope = (each[seen] for each in self._outputs(at, u))
-            if k == 0:  # about the prediction
-                S = (slope @ P @ slope.T).diagonal() + self._variance
-                if math.isfinite(S.sum()):  # P may be beyond all numbers
-                    self._innovations[0, seen] = reading.value[seen] - expected
-                    self._innovations[1, seen] = np.sqrt(np.maximum(S, self._variance))
             self._filter.x, self._filter.P = prior, P
             self._filter.update(
                 reading.value[seen], lambda _, H=slope: H, lambda _, y=expected + slope @ (prior - at): y, R
@@ -157,6 +162,15 @@ class TextbookEkf:
         squares = np.full(len(y), y @ self._filter.SI @ y / len(y))
         monitor.note(reading.t, agrees=self._mean.fits(squares, monitor.converged))
 
+    def _test(self, reading: Measurement, seen: Flags, u: Array) -> None:
+        """Test the innovations of the outputs that are ``seen`` (m,), about the prediction."""
+        expected, slope = self._outputs(self._filter.x, u)
+        R = self._variance * np.eye(len(seen))
+        S, nu = slope @ self._filter.P @ slope.T + R, reading.value - expected
+        if np.isfinite(S).all():  # P may be beyond all numbers
+            self._innovations[:, seen] = nu[seen], np.sqrt(np.maximum(S.diagonal(), self._variance))[seen]
+            self._monitor.note(reading.t, nu, S, R, seen)
+
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Output h(x, u) (m,) and its Jacobian (m, n)."""
         y, slope = self._output(x, u)
@@ -164,4 +178,6 @@ class TextbookEkf:
 
     def _status(self, t: float, covariance: Array) -> Status:
         status = self._timeout_monitor.status(t, covariance)
-        return status if self._followed or status is Status.INITIALISING else Status.LOST
+        if status is Status.INITIALISING:
+            return status
+        return worst(status, self._monitor.status(t)) if self._followed else Status.LOST

@@ -41,7 +41,7 @@ from mathnavi.interfaces.bounds import Positive, configuration
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.textbook.library import EXAMPLE_2_2, SYSTEMS, observer
+from mathnavi.models.textbook.library import EXAMPLE_2_2, SYSTEMS, error_dynamics, observer
 from mathnavi.models.textbook.maps import inverse, of_numbers
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.power_series import solved
@@ -76,7 +76,7 @@ class Example22:
         def rate(z: casadi.SX, u: casadi.SX, y: casadi.SX) -> casadi.SX:
             return observer(z, u, y, config.alpha, config.beta)
 
-        slowest = min(config.alpha, config.beta)
+        slowest = -float(np.linalg.eigvals(error_dynamics(config.alpha, config.beta)).real.max())
         return SampledObserver(ObserverLaw(3, rate, identity, identity), mission, config.timeout, slowest)
 
     @staticmethod

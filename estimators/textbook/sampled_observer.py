@@ -6,7 +6,9 @@ Over each period y(t) is the polynomial through the last readings, four at most,
 its equation to the error of ``mathnavi.models.runge_kutta``: the sampling error is of fourth order in the period, and
 x^ has no lag. If the newest reading is missing, x^ is propagated as a copy of the system, and z = Psi(x^). An observer
 whose state escapes keeps its last state, and is lost. Its accuracy is that of ``error_covariance``; while the last
-reading is off by more than that allows, it is degraded.
+reading is off by more than that allows, it is degraded. Once the error of its start has decayed, what its readings are
+off is tested over windows too (``integrity.innovations``): its means are less than those of white noise, since x^
+follows the readings. Readings with noise that repeat themselves are left out.
 
 Parts of an observer in the sense of Definition 2.1.
 """
@@ -23,8 +25,9 @@ import casadi
 import numpy as np
 from annotated_types import Interval
 
+from mathnavi.estimators.integrity.innovations import InnovationMonitor
 from mathnavi.estimators.textbook.error_covariance import ErrorCovariance
-from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, waiting, worst
 from mathnavi.interfaces.bounds import Each, Within
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.field_table import NumberList
@@ -79,10 +82,11 @@ class SampledObserver:
         self.period = mission.period
         settling = max(timeout, _TIME_CONSTANTS / slowest) if slowest > 0.0 else math.inf
         self._law, self._system = law, mission.system
-        self._timeout_monitor, self._counts = (
-            TimeoutMonitor(timeout, mission.period, settling=settling),
-            ReadingCounts(),
-        )
+        self._timeout_monitor = TimeoutMonitor(timeout, mission.period, settling=settling)
+        self._counts = ReadingCounts()
+        self._monitor = InnovationMonitor("readings of output", len(mission.system.outputs), mission.period)
+        self._noisy, self._slowest = mission.noise > 0.0, slowest
+        self._tested_from: float | None = None  # [s] once what the start was off has decayed; None: not known yet
         self._flow = _flow(law, mission)
         self._errors = ErrorCovariance(law.F, law.size, None if law.Psi is identity else law.Psi, mission)
         self._x = mission.start_state
@@ -109,6 +113,8 @@ class SampledObserver:
                 self._counts.add(Unused.NOT_FINITE)
             elif self._readings and reading.t <= self._readings[-1][0]:
                 self._counts.add(Unused.LATE)
+            elif self._noisy and self._monitor.note_value(reading.t, reading.value):
+                self._counts.add(Unused.OUTLIER)
             else:
                 self._readings.append((reading.t, np.array(reading.value)))
                 self._timeout_monitor.note(reading.t, agrees=self._agrees)
@@ -119,25 +125,47 @@ class SampledObserver:
         newest = self._readings[-1][0] if self._readings else -math.inf
         if newest > t - TIME_TOLERANCE or not self._timeout_monitor.converged:  # an older one is of an older state
             self._agrees = self._followed and self._fits(P, command, newest > t - TIME_TOLERANCE)
-        status, extra = self._status(t, P), {"z": self._z.copy(), **published(self._innovations), **self._counts.extra}
-        message = waiting(status, "a reading of output")
-        if status is Status.DEGRADED and not self._agrees:
-            message = "disagrees with its readings"
+        P = self._monitor.inflation * P
+        extra = {
+            "z": self._z.copy(),
+            "integrity": np.array([self._monitor.ratio]),
+            **published(self._innovations),
+            **self._counts.extra,
+        }
+        status, message = self._status(t, P)
         return Estimate(t, self._x.copy(), P, status, extra, message)
 
     def _fits(self, P: Array, u: Array, new: bool) -> bool:
         """True if the last reading is near the output of x^, whose covariance is P (n, n), with u (p,) held.
 
-        Keeps the innovations of a ``new`` one.
+        Keeps the innovations of a ``new`` one, and tests them.
         """
         if not self._readings:
             return True
-        y = self._readings[-1][1]
+        t, y = self._readings[-1]
         nu, largest = y - self._system.output(self._x, u), max(np.abs(each).max() for _, each in self._readings)
-        deviation = np.sqrt(self._errors.output_variance(self._x, P, u))
+        S = self._errors.output_covariance(self._x, P, u)
+        deviation = np.sqrt(S.diagonal())
         if new:
             self._innovations[0], self._innovations[1] = nu, deviation
+            self._test(t, nu, S, 0.0 if self._noisy else (_OFF * largest) ** 2)
         return bool((np.abs(nu) <= _DEVIATIONS * deviation + _OFF * largest).all())
+
+    def _test(self, t: float, nu: Array, S: Array, more: float) -> None:
+        """Test what a reading of t [s] is off, nu (m,) of covariance S (m, m) and a variance ``more``, over windows.
+
+        What the start is off lasts, and is no noise: it has to be small against that first.
+        """
+        own = self._errors.variance
+        if self._tested_from is None:
+            if self._slowest <= 0.0:
+                return
+            constants = _TIME_CONSTANTS + 0.5 * math.log(max(1.0, float(np.trace(S)) / (len(S) * own)))
+            self._tested_from = t + constants / self._slowest
+        if t < self._tested_from:
+            return
+        identity = np.eye(len(nu))
+        self._monitor.note(t, nu, S + more * identity, (own + more) * identity)
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """Advance from the time ``begin`` [s] by h [s] with u (p,) held."""
@@ -145,6 +173,8 @@ class SampledObserver:
             self._followed = self._observe(begin, h, u)
             return
         copied, reached = self._system.reach(self._x, u, h)
+        if self._timeout_monitor.status(begin + h) is Status.LOST:
+            self._tested_from = None
         if reached == h:
             self._errors.copy(self._x, copied, u, h)
             self._x, self._z = copied, self._law.Psi(copied)
@@ -172,11 +202,16 @@ class SampledObserver:
         coefficients[:, : len(fitted)] = fitted.T
         return coefficients
 
-    def _status(self, t: float, covariance: Array) -> Status:
-        status = self._timeout_monitor.status(t, covariance)
-        if status is Status.OK and not self._agrees:
-            status = Status.DEGRADED
-        return status if self._followed or status is Status.INITIALISING else Status.LOST
+    def _status(self, t: float, covariance: Array) -> tuple[Status, str]:
+        """Status at t [s] of an estimate with its ``covariance`` (n, n), and why."""
+        status, tested = self._timeout_monitor.status(t, covariance), self._monitor.status(t)
+        if status is Status.INITIALISING:
+            return status, waiting(status, "a reading of output")
+        if not self._followed:
+            return Status.LOST, ""
+        if not self._agrees:
+            return worst(status, tested, Status.DEGRADED), "disagrees with its readings"
+        return worst(status, tested), self._monitor.message
 
 
 def _flow(law: ObserverLaw, mission: TextbookMission) -> Flow:

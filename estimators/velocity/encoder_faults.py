@@ -1,5 +1,8 @@
 """Encoders that fail, as their readings show it without a model: those that repeat themselves, and those that leap.
 
+The readings of attitudes are three of them each, the sums of the turns about the axes of the body, from reading to
+reading.
+
 **Repeats.** Of an encoder with noise sigma and steps Delta two readings are alike with a probability of at most
 
     p = sum_k (Phi((k + 1/2) Delta / sigma) - Phi((k - 1/2) Delta / sigma))^2,
@@ -14,12 +17,18 @@ encoder has leapt by d if that is beyond 8 of its deviations, declared or shown,
 reading to reading, and what an acceleration of 2000 rad/s^2 or m/s^2 can do. Either place may be the right one: |d|, or
 the sum of several leaps, is a deviation of the position until it leaps back, to a tenth of the largest or within 8
 deviations.
+
+**Late readings.** Where encoders leap together, each back along its motion by what it takes the same time tau for,
+
+    d_i = -v_i tau,    tau = -sum_i d_i v_i / R_i / sum_i v_i^2 / R_i,
+
+all of them within 4 deviations and two at least by more than 8, readings are late by tau. They are until encoders leap
+ahead by as much, to within 0.3 tau; where all stand then, that is not seen.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -29,7 +38,6 @@ from mathnavi.estimators.integrity.repeats import STUCK
 from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.mechanism.geometry import ScalarJoint
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _SIDE = 4  # readings of a line
@@ -39,6 +47,7 @@ _DEVIATIONS, _STEPS, _FASTEST = 8.0, 3.0, 2000.0  # of a leap; [rad/s^2, m/s^2]
 _BACK = 0.1  # of the largest leap, within which an encoder has leapt back
 _GAP = 2.1  # intervals between readings, of which one is missing, with some jitter
 _STUCK_FOR, _LEAPT_FOR = 1.0, 5.0  # [s] of doubt after a repetition, and after a leap
+_ALIKE, _SEEN, _LATE, _IN_TIME = 4.0, 8.0, 2, 0.3  # deviations; encoders that show a delay; share of it
 
 
 class EncoderErrors(NamedTuple):
@@ -51,17 +60,21 @@ class EncoderErrors(NamedTuple):
 
 
 class EncoderFaults:
-    """Repetitions and leaps of the encoders of k slides and hinges."""
+    """Repetitions and leaps of k encoders."""
 
-    def __init__(self, joints: Sequence[ScalarJoint], period: float) -> None:
-        """``period`` [s] is the nominal time between readings."""
-        k = len(joints)
-        self._names, self._gap = [each.name for each in joints], _GAP * period
+    def __init__(self, names: list[str], period: float) -> None:
+        """``names`` are those of what they read, ``period`` [s] is the nominal time between readings."""
+        k = len(names)
+        self._names, self._gap = names, _GAP * period
         self._times, self._readings, self._count = np.zeros(2 * _SIDE), np.zeros((2 * _SIDE, k)), 0
         self._enough = np.full(k, math.inf)
         self.repeats = np.zeros(k)
         """repetitions (k,) in a row so far"""
         self._leap, self._largest = np.zeros(k), np.zeros(k)  # of this reading, and of all so far
+        self._lines = np.zeros((4, k))  # of this reading: distance and slope of the lines, and their variances over R
+        self.delay = 0.0
+        """time [s] by which all readings are late"""
+        self._in_time = np.zeros((2, k))  # offset and largest leap before they were
         self.offset = np.zeros(k)
         """sums (k,) [rad, m] of the leaps of encoders that have not leapt back"""
         self.turned = np.zeros(k, dtype=np.bool_)
@@ -76,7 +89,9 @@ class EncoderFaults:
 
     def doubt(self, t: float) -> str:
         """Why an estimate of t [s] is doubted; "" if it is not."""
-        return self._doubt if t < self._until - TIME_TOLERANCE else ""
+        if t < self._until - TIME_TOLERANCE:
+            return self._doubt
+        return f"has readings that are {self.delay:.3f} s late" if self.delay else ""
 
     def read(self, t: float, y: Array, errors: EncoderErrors) -> None:
         """Take readings y (k,) of t [s] with their ``errors``."""
@@ -95,8 +110,13 @@ class EncoderFaults:
         if self._count < 2 * _SIDE:
             return
         variance = np.maximum(errors.noise + np.square(errors.steps) / 12.0, errors.shown)
-        leaps(self._times, self._readings, variance, self._leap)
-        if self._leap.any():
+        leaps(self._times, self._readings, variance, self._leap, self._lines)
+        if self.offset.any():
+            d, known = self._lines[0], _DEVIATIONS * np.sqrt(variance)
+            within = np.abs(self.offset + d) <= np.maximum(_BACK * self._largest, known)
+            back = (self.offset != 0.0) & within & (np.abs(d) > np.sqrt(self._lines[2]) * known)
+            self._leap[back] = d[back]  # however fast the joint moves
+        if self._leap.any() and not self._is_in_time(variance):
             self._leapt(t, variance)
 
     def stands(self, t: float, joint: str) -> None:
@@ -120,6 +140,22 @@ class EncoderFaults:
                 self._until = max(self._until, t + _STUCK_FOR)
                 self._doubt = f"reads the same {self._names[i]} again and again"
                 self._count = min(self._count, 1)  # that it goes on elsewhere is no leap
+
+    def _is_in_time(self, variance: Array) -> bool:
+        """True if readings that were late are in time again; notes the delay of those that are late now."""
+        d, v, of_d, of_v = self._lines
+        motion = float((v * v / variance).sum())
+        tau = -float((d * v / variance).sum()) / motion if motion > 0.0 else 0.0
+        deviation = np.sqrt(variance * (of_d + tau * tau * of_v))
+        if not (np.abs(d + v * tau) <= _ALIKE * deviation).all():
+            return False
+        seen = int(np.count_nonzero(np.abs(v * tau) > _SEEN * deviation))
+        if self.delay and seen and abs(tau + self.delay) <= _IN_TIME * self.delay:
+            self.delay, (self.offset[:], self._largest[:]) = 0.0, self._in_time
+            return True
+        if not self.delay and seen >= _LATE and tau > 0.0:
+            self.delay, self._in_time = tau, np.stack([self.offset, self._largest])
+        return False
 
     def _leapt(self, t: float, variance: Array) -> None:
         for i in np.flatnonzero(self._leap):
@@ -148,10 +184,11 @@ def repetitions(sigma: float, step: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def leaps(times: Array, y: Array, variance: Array, leap: Array) -> None:
+def leaps(times: Array, y: Array, variance: Array, leap: Array, lines: Array) -> None:
     """Write the leaps (k,) between the fourth and the fifth of the readings y (8, k) at ``times`` (8,), 0 for none.
 
-    ``variance`` (k,) is that of a reading.
+    ``variance`` (k,) is that of a reading. Of the ``lines`` (4, k) on both sides are written what lies between them,
+    their mean slope, and the variances of both over that of a reading.
     """
     half = len(times) // 2
     gap = times[half] - times[half - 1]
@@ -161,6 +198,12 @@ def leaps(times: Array, y: Array, variance: Array, leap: Array) -> None:
             middle[side] += times[side * half + j] / half
         for j in range(half):
             spread[side] += (times[side * half + j] - middle[side]) ** 2
+    most = 0.0
+    for end in range(2):
+        factor = 2.0 / half
+        for side in range(2):
+            factor += (times[half - 1 + end] - middle[side]) ** 2 / spread[side]
+        most = max(most, factor)
     for i in range(y.shape[1]):
         mean, slope = np.zeros(2), np.zeros(2)
         for side in range(2):
@@ -168,7 +211,7 @@ def leaps(times: Array, y: Array, variance: Array, leap: Array) -> None:
                 mean[side] += y[side * half + j, i] / half
             for j in range(half):
                 slope[side] += (times[side * half + j] - middle[side]) * y[side * half + j, i] / spread[side]
-        least, sign, most = math.inf, 0.0, 0.0
+        least, sign = math.inf, 0.0
         for end in range(2):
             t = times[half - 1 + end]
             d = mean[1] + slope[1] * (t - middle[1]) - mean[0] - slope[0] * (t - middle[0])
@@ -176,12 +219,11 @@ def leaps(times: Array, y: Array, variance: Array, leap: Array) -> None:
                 d = 0.0
             sign = d
             least = min(least, abs(d))
-            factor = 2.0 / half
-            for side in range(2):
-                factor += (t - middle[side]) ** 2 / spread[side]
-            most = max(most, factor)
         limit = max(_DEVIATIONS * math.sqrt(most * variance[i]), 0.25 * _FASTEST * gap * gap)
         for j in range(1, 2 * half):
             if j != half:
                 limit = max(limit, _STEPS * abs(y[j, i] - y[j - 1, i]) * gap / (times[j] - times[j - 1]))
-        leap[i] = math.copysign(least, sign) if least > limit else 0.0
+        between = math.copysign(least, sign)
+        leap[i] = between if least > limit else 0.0
+        lines[0, i], lines[1, i] = between, 0.5 * (slope[0] + slope[1])
+        lines[2, i], lines[3, i] = most, 0.25 * (1.0 / spread[0] + 1.0 / spread[1])

@@ -11,5 +11,5 @@ from mathnavi.models.mechanism import forces
 
 KERNELS: tuple[Signature, ...] = (
     *forces.KERNELS,
-    (leaps, (ONE, TWO, ONE, ONE)),
+    (leaps, (ONE, TWO, ONE, ONE, TWO)),
 )

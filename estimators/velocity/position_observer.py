@@ -279,7 +279,7 @@ class PositionObserver:
         status = self._status(t, covariance)
         message = waiting(status, "a position" if t_read == -math.inf else "rates that are those of the readings")
         if covariance is not None:
-            covariance = self.reading_errors.widened(self._tests.covariance(covariance))
+            covariance = self.reading_errors.widened(self._tests.covariance(covariance), self._x)
         if not message and self._tests.message:  # of which noise is the cause, if there is more than declared
             message = self.reading_errors.faults.doubt(t) or self.reading_errors.doubt or self._tests.message
         integrity = {"deviation": self._deviation(), "integrity": np.array([self._tests.ratio])}
@@ -330,8 +330,9 @@ class PositionObserver:
         h = t - before if math.isfinite(before) else 0.0
         self._test(t, y, h, fresh)
         errors = self.reading_errors
-        if self._t is not None and self._law.residual is not None and errors.faults.repeats.any():
-            joint = self._standing.doubted(self._x, y, u, h, errors.faults.repeats, errors.joint_errors)
+        repeats = errors.faults.repeats[: len(errors.joint_errors)]
+        if self._t is not None and self._law.residual is not None and repeats.any():
+            joint = self._standing.doubted(self._x, y, u, h, repeats, errors.joint_errors)
             if joint:
                 errors.faults.stands(t, joint)
         if self._safe_answer is None:

@@ -34,6 +34,8 @@ from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFa
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, rounding_steps
 from mathnavi.interfaces.compiled import njit
 from mathnavi.interfaces.signals import Array, Estimate, Status
+from mathnavi.models.manifold.attitude import ambient
+from mathnavi.models.manifold.manifold import quaternion_parts, turn_starts
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
@@ -107,8 +109,14 @@ class ReadingErrors:
         self._coordinates = np.array([each.coordinate for each in scalars], dtype=np.intp)
         self._hinges = np.array([each.hinge for each in scalars], dtype=np.bool_)
         self._encoders = EncoderSteps(len(scalars))
-        self.faults = EncoderFaults(scalars, mission.period)
-        """encoders that repeat themselves, or leap"""
+        self._quaternions, turns = quaternion_parts(manifold), turn_starts(manifold)
+        self._turns = np.zeros(3 * len(turns))  # sums (3 q,) [rad] of the turns from reading to reading
+        rotations = [start + k for start in turns for k in range(3)]
+        self._rotations = np.array(rotations, dtype=np.intp)
+        self._watched = np.concatenate([self._coordinates, self._rotations])
+        names = [mission.system.states[k].partition(" [")[0] for k in self._rotations - manifold.vector_size]
+        self.faults = EncoderFaults([*(each.name for each in scalars), *names], mission.period)
+        """encoders that repeat themselves or leap: of the k slides and hinges, and then three of each attitude"""
         self.joint_errors = np.zeros(len(scalars))
         """the larger of deviation and step (k,) [rad, m] of the encoders of slides and hinges; 0 while not known"""
         self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
@@ -154,22 +162,25 @@ class ReadingErrors:
 
     def lose_turns(self, places: Sequence[int]) -> None:
         """The turns of hinges at these ``places`` of a point, and of no others, are not known."""
-        self.faults.turned[:] = np.isin(self._places, places)
+        self.faults.turned[: len(self._places)] = np.isin(self._places, places)
 
-    def widened(self, covariance: Array) -> Array:
-        """Covariance (N, N) of a state whose encoders have leapt, or lost their turns."""
+    def widened(self, covariance: Array, x: Array) -> Array:
+        """Covariance (N, N) of a state x (N,) whose encoders have leapt, or lost their turns."""
         further = self.faults.deviation
         if not further.any():
             return covariance
-        wider = covariance.copy()
-        wider[self._places, self._places] += np.square(further)
+        wider, scalars = covariance.copy(), len(self._places)
+        wider[self._places, self._places] += np.square(further[:scalars])
+        for part, s in zip(self._quaternions, further[scalars:].reshape(-1, 3), strict=True):
+            slope = np.column_stack([ambient(x[part], axis) for axis in np.diag(s)])
+            wider[part, part] += slope @ slope.T
         return wider
 
     def widened_deviation(self, deviation: Array) -> Array:
         """Deviations (2 n,) of positions and velocities, likewise."""
         further = self.faults.deviation
         if further.any():
-            deviation[self._coordinates] = np.hypot(deviation[self._coordinates], further)
+            deviation[self._watched] = np.hypot(deviation[self._watched], further)
         return deviation
 
     def read(self, t: float, y: Array, predicted: Array | None) -> bool:
@@ -179,7 +190,10 @@ class ReadingErrors:
         changed, by as much as matters.
         """
         past = self._past
-        if past and (t <= past[-1][0] or innovation(self._manifold, past[-1][1], y) is None):
+        moved = innovation(self._manifold, past[-1][1], y) if past and t > past[-1][0] else None
+        if moved is not None:
+            self._turns += moved[self._rotations]
+        else:
             past.clear()
             self.faults.forget()
         if past:
@@ -206,7 +220,7 @@ class ReadingErrors:
 
     def _watch(self, t: float, y: Array) -> None:
         """Watch for encoders that repeat themselves or leap, once the errors of the readings are known."""
-        if not len(self._places) or not self.known or self._count < _FEWEST:
+        if not len(self._watched) or not self.known or self._count < _FEWEST:
             return
         if self.declared:
             if self._declared is None:
@@ -216,11 +230,13 @@ class ReadingErrors:
             noise, steps = self._declared
         else:
             noise, steps = np.zeros(len(self.variance)), self.steps
-        at, shown = self._coordinates, self._smooth
-        steps = np.maximum(steps[at], self._encoders.steps)
-        self.joint_errors = np.maximum(np.sqrt(np.maximum(noise, shown)[at]), steps)
+        at, scalars, used = self._watched, len(self._places), self._used[self._watched]
+        steps, noise, shown = steps[at], used * noise[at], self._smooth[at]
+        steps[:scalars] = np.maximum(steps[:scalars], self._encoders.steps)
+        self.joint_errors = np.maximum(np.sqrt(np.maximum(noise, shown)), steps)[:scalars]
         least = np.minimum.reduce(self._blocks)[at]
-        self.faults.read(t, y[self._places], EncoderErrors(noise[at], shown[at], least, steps))
+        readings = used * np.concatenate([y[self._places], self._turns])
+        self.faults.read(t, readings, EncoderErrors(noise, shown, least, steps))
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""

@@ -92,6 +92,7 @@ class Attitude:
     kappa = 1.0
     injectivity_radius = 0.5 * math.pi
     quaternions = (slice(0, 4),)
+    turns = (0,)
 
     @property
     def origin(self) -> Array:

@@ -132,6 +132,14 @@ def quaternion_parts(manifold: Manifold) -> tuple[slice, ...]:
     return parts
 
 
+def turn_starts(manifold: Manifold) -> tuple[int, ...]:
+    """First of the three components of the rate of each quaternion's attitude; a manifold that has some names them as
+    ``turns``.
+    """
+    starts: tuple[int, ...] = getattr(manifold, "turns", ())
+    return starts
+
+
 def greatest_rate(manifold: Manifold, c: Array) -> float:
     """Greatest rate [rad/s, m/s] of a motion whose components are c (n,); NaN if one of them is.
 

@@ -61,6 +61,8 @@ class MechanismManifold:
         balls = [int(model.jnt_dofadr[j]) + rates[int(model.jnt_type[j])] for j in joints if model.jnt_type[j] in rates]
         self.quaternions = quaternions(model, joints)
         """places of the quaternions in a point"""
+        self.turns = tuple(balls)
+        """first of the three components of the rate of each quaternion's attitude"""
         data = self._data
         self._at = kernels.Mechanism(
             kernels.address(self._model), kernels.address(data), data.qpos, data.qvel, np.array(balls, dtype=np.int64)

@@ -23,10 +23,11 @@ from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.beacon_names import RANGES
 from mathnavi.models.unicycle.beacons import BeaconMission, BeaconQuality, exact_readings
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality
+from mathnavi.sim.plugin.registry import load
 from mathnavi.studies.ranging.integrity_detection import LARGER, by_windows, from_onset
 from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, Watched, judged
 
-ESTIMATOR = "beacon_bank"
+ESTIMATORS = ("beacon_bank", "beacon_certified")
 PLACES = np.array([(-30.0, -25.0), (35.0, -20.0), (30.0, 30.0), (-25.0, 35.0)])  # [m]
 PERIOD, EVERY, FINE = 0.125, 2, 5  # [s] of odometry, updates between two readings, and steps of the truth in each
 DURATION, ONSET, END = 150.0, 40.0, 80.0  # [s]
@@ -37,7 +38,7 @@ SPEED, TURN, AREA = 1.2, 0.6, 25.0  # [m/s], [rad/s]; [m] half the side of the s
 CARRIED, LATE = 8.0, 0.5  # [m], [s]
 AWAY = "carried away 8 m"
 SETTING = (
-    f"{ESTIMATOR} drives for {DURATION:g} s among {len(PLACES)} beacons, one of which is read every "
+    f"{' and '.join(ESTIMATORS)} drive for {DURATION:g} s among {len(PLACES)} beacons, one of which is read every "
     f"{EVERY * PERIOD:g} s with a deviation of {NOISE:g} m, the fault from {ONSET:g} to {END:g} s."
 )
 
@@ -191,7 +192,8 @@ def watched(run: Watched) -> Outcome:
     )  # fmt: skip
     FAULTS[run.fault](quiet, during, copy.deepcopy(rng))
     FAULTS[run.fault](drive, during, rng)
-    estimator = BeaconFilter.build(BeaconBankConfig(), _mission(_known(told)))
+    plugin = load("estimators", run.estimator)
+    estimator = plugin.build(plugin.Config(), _mission(_known(told)))
     estimates = [(estimator if run.monitored else alone(estimator)).update(*update) for update in _updates(drive)]
     spread = 9.0 if run.fault == "noise times 3" else 1.0
     found = findable(_mission(_known(begins)), quiet, during, spread)

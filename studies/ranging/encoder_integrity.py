@@ -208,7 +208,7 @@ def findable(mission: LagrangianMission, quiet: Swing, during: slice, fault: str
     """True (n,) from the update on at which a fault can be found in the readings of a swing without noise; as within a
     wall, by the tests of single numbers and of all together.
     """
-    e = _innovations(mission, quiet) if modelled else _roughness(quiet)
+    e = _innovations(mission, quiet) if modelled else roughness(quiet.readings, _variance())
     rho, chance = np.ones(len(e)), np.zeros(len(e))
     rho[during] = 9.0 if fault == NOISY else 1.0  # noise is nearly all of the variance of an innovation
     every = 1 if modelled else 5  # residuals that have no reading in common
@@ -245,9 +245,11 @@ def _innovations(mission: LagrangianMission, swing: Swing) -> Array:
     return e
 
 
-def _roughness(swing: Swing) -> Array:
-    """Residuals (n, 2) of readings about the cubic through the four before, over their deviation."""
-    y, e = swing.readings, np.full((len(swing.readings), 2), np.nan)
-    r = y[4:] - 4.0 * y[3:-1] + 6.0 * y[2:-2] - 4.0 * y[1:-3] + y[:-4]
-    e[4:] = r / math.sqrt(70.0 * _variance())
+def roughness(readings: Array, variance: float) -> Array:
+    """Residuals (n, k) of ``readings`` (n, k) about the cubic through the four before, over their deviation; each has
+    a ``variance``.
+    """
+    e = np.full(readings.shape, np.nan)
+    r = readings[4:] - 4.0 * readings[3:-1] + 6.0 * readings[2:-2] - 4.0 * readings[1:-3] + readings[:-4]
+    e[4:] = r / math.sqrt(70.0 * variance)
     return e

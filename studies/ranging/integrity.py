@@ -5,8 +5,10 @@ readings a second. From ``ONSET`` to ``END`` a sensor is at fault. Every estimat
 monitor of integrity (``mathnavi.estimators.integrity``), and without it to compare. Another robot drives among beacons
 (``beacon_integrity``), a point mass flies by fixes and among beacons (``flight_integrity``), a quadrotor by an IMU and
 fixes (``inertial_integrity``), a missile by readings of its whole state (``missile_integrity``), a device turns with a
-gyro and an accelerometer (``attitude_integrity``), an arm swings whose encoders are read (``encoder_integrity``), and
-a quadruped moves its legs (``legged_integrity``).
+gyro and an accelerometer (``attitude_integrity``) and a body whose attitude is read (``body_integrity``), an arm swings
+whose encoders are read (``encoder_integrity``), a quadruped moves its legs (``legged_integrity``), and textbook systems
+have outputs (``textbook_integrity``). ``full_state`` and ``quadrotor_state`` pass on what is declared to be the state;
+there is nothing that they could compare it with.
 
 **Sure and wrong** is defined in ``mathnavi.sim.metrics.sure_and_wrong``, of position and heading apart. Before a fault
 can be found (``integrity_detection``) no test can show it. Until then an estimate is judged by its protection level
@@ -33,12 +35,14 @@ from mathnavi.studies.framework.study import Jobs, Setup, StudyResult
 from mathnavi.studies.ranging import (
     attitude_integrity,
     beacon_integrity,
+    body_integrity,
     encoder_integrity,
     flight_integrity,
     inertial_integrity,
     legged_integrity,
     missile_integrity,
     pose_integrity,
+    textbook_integrity,
 )
 from mathnavi.studies.ranging.integrity_judging import Outcome, Watched
 
@@ -58,7 +62,7 @@ class Part(NamedTuple):
 PARTS = (
     Part("", pose_integrity, pose_integrity.ESTIMATORS, pose_integrity.FAULTS, pose_integrity.watched),
     Part(
-        ", a robot among beacons", beacon_integrity, (beacon_integrity.ESTIMATOR,), beacon_integrity.FAULTS,
+        ", a robot among beacons", beacon_integrity, beacon_integrity.ESTIMATORS, beacon_integrity.FAULTS,
         beacon_integrity.watched,
     ),
     *(
@@ -85,9 +89,20 @@ PARTS = (
         ", a quadruped by an IMU and its feet", legged_integrity, (legged_integrity.ESTIMATOR,),
         legged_integrity.FAULTS, legged_integrity.watched,
     ),
+    Part(
+        ", a body by its attitude", body_integrity, body_integrity.ESTIMATORS, body_integrity.FAULTS,
+        body_integrity.watched,
+    ),
+    Part(
+        ", a textbook system by its output", textbook_integrity, textbook_integrity.ESTIMATORS,
+        textbook_integrity.FAULTS, textbook_integrity.watched,
+    ),
 )  # fmt: skip
 ALL = tuple(estimator for part in PARTS for estimator in part.estimators)
-INSEPARABLE = (*flight_integrity.INSEPARABLE, *encoder_integrity.ESTIMATORS)
+INSEPARABLE = (
+    *pose_integrity.OF_ITS_OWN, beacon_integrity.ESTIMATORS[1], *flight_integrity.INSEPARABLE,
+    *encoder_integrity.ESTIMATORS, *body_integrity.ESTIMATORS, *textbook_integrity.ESTIMATORS,
+)  # fmt: skip
 """estimators whose monitor is a part of them"""
 UNOBSERVABLE = {(legged_integrity.ESTIMATOR, fault) for fault in legged_integrity.OF_ITS_IMU}
 """estimators and faults after which a part of the state is never known again"""

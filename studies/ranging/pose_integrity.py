@@ -1,7 +1,8 @@
 """The part of the study of integrity within a wall: a robot by three rays and its odometry.
 
 It drives between places that are drawn within a wall through five corners, 50 readings a second, and from ``ONSET`` to
-``END`` a sensor is at fault. The wall may be wider than its map, too.
+``END`` a sensor is at fault. The wall may be wider than its map, too. The observer of Paper C, which bounds the
+curvature of a wall, drives within an egg.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from mathnavi.estimators.integrity.guard import alone
 from mathnavi.interfaces.signals import Array, Measurement
-from mathnavi.models.field.curve import Curve
+from mathnavi.models.field.curve import EGG, Curve
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.plugin.registry import load
@@ -37,8 +38,7 @@ WALL = Curve(
     )
 )
 """through (0, 0), (4, -0.2), (4.6, 2), (2.4, 3.2) and (0.2, 2.4) [m], but for its harmonics beyond the eighth"""
-_CENTRE, (_A, _B, _C, _D), *_REST = WALL.coefficients
-WIDER = Curve((_CENTRE, (_A - 0.1, _B, _C, _D), *_REST))
+FARTHER_OUT = 0.1  # [m] by which a wall is farther out than on the map
 GREATEST = 8.0  # [m] a reading without an echo
 ANGLES = np.array([0.0, 0.5 * math.pi, -1.75])  # [rad] of the rays
 PERIOD, FINE = 0.02, 0.01  # [s] of the readings and of the truth
@@ -50,11 +50,15 @@ CARRIED = 2.0  # [m]
 FINDING = ("feasible_set_bank", "range_certified")  # estimators that are not told the start
 ESTIMATORS = (
     "range_ekf", "feasible_set_bank", "range_ukf", "range_iekf", "range_certified", "moving_horizon", "range_particle",
+    "range_observer",
 )  # fmt: skip
+OF_ITS_OWN = ("range_observer",)
+"""estimators whose monitor is a part of them"""
 SETTING = (
     f"of {DURATION:g} s each, the fault from {ONSET:g} to {END:g} s (the robot is carried away at {ONSET:g} s for "
     f"good); three rays, deviations {NOISE:g} m of a range and {ODOMETRY[0]:g} of the odometry, {1.0 / PERIOD:g} "
-    f"readings a second. {' and '.join(FINDING)} are not told the start. Ray and drift are drawn."
+    f"readings a second. {' and '.join(FINDING)} are not told the start; {' and '.join(OF_ITS_OWN)} is within an egg. "
+    "Ray and drift are drawn."
 )
 
 
@@ -62,6 +66,7 @@ SETTING = (
 class Drive:
     """A drive that its sensors read without a fault: n updates, of l rays."""
 
+    wall: Curve
     truth: Array  # (n, 3) [m, m, rad] at the updates
     fine: Array  # (m, 3) every ``FINE`` seconds from 0 s on
     ranges: Array  # (n, l) [m]
@@ -134,13 +139,14 @@ def _late(drive: Drive, during: slice, rng: np.random.Generator) -> None:
     """Ranges of 50 ms ago with the stamp of now."""
     for k in range(during.start, during.stop):
         ago = drive.fine[round((PERIOD * (k + 1) - 0.05) / FINE)]
-        drive.ranges[k] = WALL.ranges(ago, ANGLES)[0] + drive.noise[k]
+        drive.ranges[k] = drive.wall.ranges(ago, ANGLES)[0] + drive.noise[k]
 
 
 def _wider(drive: Drive, during: slice, rng: np.random.Generator) -> None:
     """The wall is 0.1 m farther out on either side than on the map."""
+    wider = _wider_than(drive.wall)
     for k in range(during.start, during.stop):
-        drive.ranges[k] = WIDER.ranges(drive.truth[k], ANGLES)[0] + drive.noise[k]
+        drive.ranges[k] = wider.ranges(drive.truth[k], ANGLES)[0] + drive.noise[k]
 
 
 def _without_echo(drive: Drive, during: slice, rng: np.random.Generator) -> None:
@@ -173,7 +179,7 @@ AWAY = "carried away 2 m"
 def watched(run: Watched) -> Outcome:
     """A job: what becomes of an estimator under a fault; the seed determines drive and fault."""
     rng = np.random.default_rng(run.seed)
-    drive = driven(rng, carried=run.fault == AWAY)
+    drive = driven(rng, within(run.estimator), carried=run.fault == AWAY)
     first = drive.fine[0] + UNSURE * rng.standard_normal(3)
     during, noise = slice(round(ONSET / PERIOD), round(END / PERIOD)), drive.noise
     quiet = dataclasses.replace(
@@ -183,18 +189,30 @@ def watched(run: Watched) -> Outcome:
     FAULTS[run.fault](drive, during, rng)
     start = None if run.estimator in FINDING else KnownStart((first[0], first[1], first[2]), (UNSURE, UNSURE, UNSURE))
     plugin = load("estimators", run.estimator)
-    estimator = plugin.build(plugin.Config(), _mission(start))
+    estimator = plugin.build(plugin.Config(), _mission(start, drive.wall))
     estimator = estimator if run.monitored else alone(estimator)
     estimates = [estimator.update(*update) for update in _updates(drive)]
     spread = np.var((drive.ranges - quiet.ranges)[during], axis=0) / np.var(noise[during], axis=0)
     begins = KnownStart((drive.fine[0][0], drive.fine[0][1], drive.fine[0][2]), (UNSURE, UNSURE, UNSURE))
-    found = findable(_mission(begins), list(_updates(quiet)), during, spread)
+    found = findable(_mission(begins, drive.wall), list(_updates(quiet)), during, spread)
     return judged(estimates, drive.truth, found, Timing(PERIOD, ONSET, END, SETTLED), persists=run.fault == AWAY)
 
 
-def _mission(start: KnownStart | None) -> RangingMission:
+def within(estimator: str) -> Curve:
+    """The wall within which the robot of an estimator drives."""
+    return EGG if estimator in OF_ITS_OWN else WALL
+
+
+def _wider_than(wall: Curve) -> Curve:
+    """The wall that is ``FARTHER_OUT`` farther out on either side."""
+    centre, (a, b, c, d), *rest = wall.coefficients
+    farther = math.copysign(FARTHER_OUT, a)
+    return Curve((centre, (a + farther, b, c, d), *rest))
+
+
+def _mission(start: KnownStart | None, wall: Curve = WALL) -> RangingMission:
     quality, odometry = RangeQuality(absolute=NOISE), OdometryQuality(noise=ODOMETRY)
-    return RangingMission(WALL, tuple(ANGLES.tolist()), quality, odometry, start=start, period=PERIOD)
+    return RangingMission(wall, tuple(ANGLES.tolist()), quality, odometry, start=start, period=PERIOD)
 
 
 def _updates(drive: Drive) -> Iterator[tuple[float, tuple[Measurement, ...], Array]]:
@@ -203,17 +221,17 @@ def _updates(drive: Drive) -> Iterator[tuple[float, tuple[Measurement, ...], Arr
         yield t, (Measurement("ranges", t, rho), Measurement("odometry", t, u)), command
 
 
-def driven(rng: np.random.Generator, *, carried: bool = False) -> Drive:
-    """Drive from place to place within the wall, without a fault but for a robot that is ``carried`` away at ONSET."""
-    mission, x = _mission(None), np.array([*_place(rng), rng.uniform(-math.pi, math.pi)])
-    place, fine, commands = _place(rng), [x], []
+def driven(rng: np.random.Generator, wall: Curve = WALL, *, carried: bool = False) -> Drive:
+    """Drive from place to place within a wall, without a fault but for a robot that is ``carried`` away at ONSET."""
+    mission, x = _mission(None, wall), np.array([*_place(rng, wall), rng.uniform(-math.pi, math.pi)])
+    place, fine, commands = _place(rng, wall), [x], []
     ratio, u = round(PERIOD / FINE), np.zeros(2)
     for k in range(round(DURATION / FINE)):
         if carried and k == round(ONSET / FINE):
-            x = _carried(x, rng)
+            x = _carried(x, rng, wall)
         if k % ratio == 0:
             while math.dist(place, x[:2]) < 0.3:
-                place = _place(rng)
+                place = _place(rng, wall)
             turn = math.remainder(math.atan2(place[1] - x[1], place[0] - x[0]) - x[2], 2.0 * math.pi)
             u = np.array([SPEED * max(0.2, math.cos(turn)), min(max(2.0 * turn, -TURN), TURN)])
             commands.append(u)
@@ -221,24 +239,24 @@ def driven(rng: np.random.Generator, *, carried: bool = False) -> Drive:
         fine.append(x)
     truth = np.array(fine)[ratio::ratio]
     noise = NOISE * rng.standard_normal((len(truth), len(ANGLES)))
-    ranges = np.array([WALL.ranges(pose, ANGLES)[0] for pose in truth]) + noise
+    ranges = np.array([wall.ranges(pose, ANGLES)[0] for pose in truth]) + noise
     odometry = np.array(commands) + ODOMETRY * rng.standard_normal((len(truth), 2))
-    return Drive(truth, np.array(fine), ranges, noise, odometry, np.array(commands))
+    return Drive(wall, truth, np.array(fine), ranges, noise, odometry, np.array(commands))
 
 
-def _place(rng: np.random.Generator) -> tuple[float, float]:
+def _place(rng: np.random.Generator, wall: Curve) -> tuple[float, float]:
     """Draw a point [m] that is well within the wall."""
-    low, high = WALL.polyline.min(axis=0), WALL.polyline.max(axis=0)
-    while not WALL.contains(point := rng.uniform(low, high), MARGIN):
+    low, high = wall.polyline.min(axis=0), wall.polyline.max(axis=0)
+    while not wall.contains(point := rng.uniform(low, high), MARGIN):
         pass
     return float(point[0]), float(point[1])
 
 
-def _carried(x: Array, rng: np.random.Generator) -> Array:
+def _carried(x: Array, rng: np.random.Generator, wall: Curve) -> Array:
     """Draw the pose (3,) of a robot that is carried 2 m away, or as far as the wall lets it."""
     for distance in np.arange(CARRIED, 0.0, -0.1):
         for angle in rng.uniform(-math.pi, math.pi, 100):
             to = x[:2] + distance * np.array([math.cos(angle), math.sin(angle)])
-            if WALL.contains(to, MARGIN):
+            if wall.contains(to, MARGIN):
                 return np.array([*to, x[2]])
     raise AssertionError("no place within the wall")

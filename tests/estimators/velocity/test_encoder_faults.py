@@ -25,7 +25,7 @@ def watched(
     y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP
 ) -> tuple[list[str], EncoderFaults]:
     """Doubts (N,) about readings y (N,) of a joint."""
-    found = EncoderFaults([JOINT], PERIOD)
+    found = EncoderFaults([JOINT.name], PERIOD)
     doubts = []
     for k, each in enumerate(y):
         t = PERIOD * k
@@ -93,6 +93,25 @@ def test_what_a_joint_does_is_no_leap() -> None:
     single = read(swing(10.0))
     single[1000] += 0.5  # an outlier
     assert not watched(single)[1].offset.any()
+
+
+def test_encoders_that_leap_back_along_their_motion_together_are_late_until_they_leap_ahead() -> None:
+    ago = 10
+    joints = np.column_stack([swing(12.0), np.cos(3.1 * PERIOD * np.arange(2400))])
+    noise = SIGMA * np.random.default_rng(3).standard_normal(joints.shape)
+    late, off = joints + noise, joints + noise
+    late[600:1400] = joints[600 - ago : 1400 - ago] + noise[600:1400]
+    off[600:1400] += 0.1
+    for readings, delay in ((joints + noise, 0.0), (late, ago * PERIOD), (off, 0.0)):
+        found, delays = EncoderFaults(["elbow", "wrist"], PERIOD), []
+        for k, y in enumerate(readings):
+            seen = np.full(2, SIGMA**2)
+            found.read(PERIOD * k, y, EncoderErrors(seen, seen, seen, np.zeros(2)))
+            delays.append(found.delay)
+        assert not any(delays[:600])
+        assert not any(delays[1404:])
+        np.testing.assert_allclose(delays[604:1400], delay, atol=2e-3)
+        assert not found.offset.any()
 
 
 @pytest.mark.parametrize("method", ["riemannian_observer", "momentum_observer"])

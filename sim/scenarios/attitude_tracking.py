@@ -49,7 +49,7 @@ VEHICLE = "body"
 class AttitudeTrackingFields(LagrangianFields):
     """Fields of the scenario."""
 
-    kernels: ClassVar[str] = "mathnavi.models.manifold.attitude"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.estimators.velocity.attitudes_ahead"  # compiled before the first run
 
     reading: PositionQuality = PositionQuality(noise=0.005)
     """errors of the attitude readings"""

@@ -54,7 +54,7 @@ Inertia = Annotated[float, Interval(ge=1e-6, le=1e6), FINITE]
 class SphereObserverConfig(LagrangianFields):
     """Fields of the scenario."""
 
-    kernels: ClassVar[str] = "mathnavi.models.manifold.attitude"  # compiled before the first run
+    kernels: ClassVar[str] = "mathnavi.estimators.velocity.attitudes_ahead"  # compiled before the first run
 
     reading: PositionQuality = PositionQuality(noise=0.01)
     """errors of the position readings"""

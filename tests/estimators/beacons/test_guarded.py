@@ -49,7 +49,7 @@ def test_a_beacon_at_fault_is_named_left_out_and_read_again() -> None:
     "fault", ["a beacon 1 m too long", "a beacon drifts", "odometry times 1.15", "two beacons stuck"]
 )
 def test_no_fault_leaves_it_sure_and_wrong_and_it_is_right_again_afterwards(fault: str) -> None:
-    outcome = study.watched(Watched(study.ESTIMATOR, fault, 6002, monitored=True))
+    outcome = study.watched(Watched(study.ESTIMATORS[0], fault, 6002, monitored=True))
     assert outcome.judged == 0.0
     assert outcome.false == 0.0
     assert outcome.kept > 0.99

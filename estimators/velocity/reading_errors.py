@@ -237,6 +237,7 @@ class ReadingErrors:
         least = np.minimum.reduce(self._blocks)[at]
         readings = used * np.concatenate([y[self._places], self._turns])
         self.faults.read(t, readings, EncoderErrors(noise, shown, least, steps))
+        self.faults.repeats[~used] = 0.0
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFaults, repetitions
+from mathnavi.estimators.velocity.reading_errors import ReadingErrors
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.manifold.mission import LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model
@@ -125,6 +126,17 @@ def test_a_dead_encoder_is_not_believed_while_the_model_moves_its_joint(method: 
     dead = observed("servo-six", method, y, **quality)
     assert not any(each.status is Status.OK for each in dead[1000:])
     assert dead[-1].message == "has an encoder that stands: shoulder"
+
+
+def test_coordinates_that_nothing_reads_do_not_stand_or_leap() -> None:
+    mission = LagrangianMission(MechanismSystem(build_model("two-link")), PositionQuality(noise=SIGMA), PERIOD)
+    errors, noise = ReadingErrors(mission), SIGMA * np.random.default_rng(4).standard_normal(400)
+    errors.ignore(slice(0, 1))
+    for k in range(400):
+        errors.read(PERIOD * k, np.array([1.0 if k > 300 else 0.0, 0.1 + noise[k]]), None)
+    assert not errors.faults.repeats.any()
+    assert not errors.faults.offset.any()
+    assert errors.faults.doubt(PERIOD * 399) == ""
 
 
 @pytest.mark.parametrize("method", ["riemannian_observer", "high_gain"])

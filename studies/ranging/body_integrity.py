@@ -18,15 +18,15 @@ import mujoco
 import numpy as np
 
 from mathnavi.estimators.integrity.repeats import STUCK
-from mathnavi.estimators.integrity.windows import Flags, Thresholds
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.estimators.invariant.attitude import AttitudeIekf
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.system import MechanismSystem
 from mathnavi.sim.plugin.registry import load
-from mathnavi.studies.ranging.encoder_integrity import roughness
-from mathnavi.studies.ranging.integrity_detection import by_windows, from_onset
+from mathnavi.studies.ranging.encoder_integrity import APART, chances, roughness
+from mathnavi.studies.ranging.integrity_detection import from_onset
 from mathnavi.studies.ranging.integrity_judging import Outcome, Timing, Watched, judged
 
 SURE_OF_MODEL = ("attitude_iekf",)
@@ -186,13 +186,9 @@ def _erring(estimate: Estimate, truth: Array) -> Estimate:
 def findable(quiet: Turning, during: slice, fault: str, *, modelled: bool) -> Flags:
     """True (n,) from the update on at which a fault can be found in readings without noise; as of encoders."""
     e = _innovations(quiet) if modelled else roughness(_unwound(quiet.readings), NOISE**2)
-    rho, chance = np.ones(len(e)), np.zeros(len(e))
+    rho = np.ones(len(e))
     rho[during] = 9.0 if fault == NOISY else 1.0
-    every = 1 if modelled else 5  # residuals that have no reading in common
-    for first in range(every):
-        read = first + every * np.flatnonzero(np.isfinite(e[first::every, 0]))
-        found = by_windows(e[read], rho[read], Thresholds.of(3, every * PERIOD, WINDOWS))
-        chance[read] = np.maximum(chance[read], found)
+    chance = chances(e, rho, 1 if modelled else APART, PERIOD, WINDOWS)
     if fault == STANDS:
         chance[during.start + STUCK :] = 1.0
     return from_onset(chance, during.start)

@@ -46,6 +46,7 @@ BLOCKS = (slice(0, 2), slice(2, 4))
 """of a state: positions and velocities"""
 SLIP, LATE, SILENT = 0.1, 0.05, 2.0  # [rad], [s], [s]
 WINDOWS = (0.02, 0.1, 0.4, 1.0)  # [s] of the tests
+APART = 5  # residuals of cubics, of which one and the next have no reading in common
 NOISY, OFF, STANDS, ONE_TURN = "noise times 3", "a motor off", "an encoder stuck", "an encoder of one turn"
 SETTING = (
     f"An arm of two links swings for {DURATION:g} s, its torques known; encoders of {QUALITY.resolution} bits, with "
@@ -209,16 +210,23 @@ def findable(mission: LagrangianMission, quiet: Swing, during: slice, fault: str
     wall, by the tests of single numbers and of all together.
     """
     e = _innovations(mission, quiet) if modelled else roughness(quiet.readings, _variance())
-    rho, chance = np.ones(len(e)), np.zeros(len(e))
+    rho = np.ones(len(e))
     rho[during] = 9.0 if fault == NOISY else 1.0  # noise is nearly all of the variance of an innovation
-    every = 1 if modelled else 5  # residuals that have no reading in common
-    for first in range(every):
-        read = first + every * np.flatnonzero(np.isfinite(e[first::every, 0]))
-        found = by_windows(e[read], rho[read], Thresholds.of(2, every * PERIOD, WINDOWS))
-        chance[read] = np.maximum(chance[read], found)
+    chance = chances(e, rho, 1 if modelled else APART, PERIOD, WINDOWS)
     if fault == STANDS:
         chance[during.start + STUCK :] = 1.0
     return from_onset(chance, during.start)
+
+
+def chances(e: Array, rho: Array, every: int, period: float, windows: tuple[float, ...]) -> Array:
+    """The largest P (n,) by ``windows`` [s] of residuals e (n, k) of variances rho (n,), ``period`` [s] apart; of each
+    ``every`` of them one is taken, so that no two have a reading in common.
+    """
+    chance: Array = np.zeros(len(e))
+    for first in range(every):
+        read = first + every * np.flatnonzero(np.isfinite(e[first::every, 0]))
+        chance[read] = by_windows(e[read], rho[read], Thresholds.of(e.shape[1], every * period, windows))
+    return chance
 
 
 def _variance() -> float:

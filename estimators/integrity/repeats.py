@@ -17,7 +17,7 @@ class Repeats:
         self._y, self._count = np.empty(0), 0
 
     def take(self, y: Array) -> int:
-        """Take a reading y (m,), or a number, and return how many in a row before it were the same."""
+        """Take a reading y (m,), and return how many in a row before it were the same."""
         self._count = self._count + 1 if np.array_equal(y, self._y) else 0
         self._y = y.copy()
         return self._count

@@ -12,7 +12,7 @@ The covariance of the estimate is that of the errors of these gains (``observer_
 rates are beyond four of their deviations about those expected at the pose for more than 0.25 s, the estimate is
 DEGRADED until 2 s without, and LOST after 2 s of it, until 5 s without. Where it was told no start, or was lost, it is
 DEGRADED until an estimator that finds a pose itself has found the same (``unique_pose``). A ray with noise that repeats
-itself is left out.
+itself while the robot moves is left out.
 
 **Ranges and range rates from noisy ranges**: a Savitzky-Golay filter at the centre of a window.
 
@@ -38,6 +38,7 @@ from annotated_types import Interval
 from scipy.interpolate import CubicSpline
 
 from mathnavi.estimators.integrity.repeats import STUCK, Repeats
+from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE, RangeModel
 from mathnavi.estimators.ranging.observer_covariance import ObserverCovariance, Step, innovations, slopes_of
@@ -67,6 +68,7 @@ _DOUBTED = 0.25  # [s] of a disagreement after which an estimate is no longer OK
 _SETTLED = 2.0  # [s] without a disagreement until an estimate is OK again, or with one until it is lost
 _FOUND = 5.0  # [s] without one until an estimate that was lost is OK again
 _DEVIATIONS, _APART = 3.0, 0.02  # of a range, and share of the longest: positions by two rays that agree
+_MOVED = 3.0  # deviations of a range by which the expected one changes while a ray that is stuck does not
 _DISAGREEING = 4.0  # deviations of one of the fitted ranges and rates, which are many
 
 _WORDS = {
@@ -222,6 +224,7 @@ class RangeObserver:
         # Before there is a range rate, the expectation uses none.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
         self._noisy, self._repeats = not exact, [Repeats() for _ in range(l)]
+        self._begun, self._moved = np.full(l, np.nan), _MOVED * sigma  # [m] expected when repetitions began, and since
         self._wall, self._alpha = curve.wall, mission.alpha
         self._fit = (savitzky_golay(window, order), spread(window), mission.period)
         self._window = FitWindow(window, l)
@@ -291,14 +294,14 @@ class RangeObserver:
         """
         window, reader = self._window, self._reader
         rho, u = reader.read(t, measurements, command)
-        stuck = [same.take(each) >= STUCK for same, each in zip(self._repeats, rho, strict=True)]
-        if self._noisy and any(stuck):
-            rho = np.where(stuck, np.nan, rho)
-            reader.counts.add(Unused.OUTLIER, sum(stuck))
         self._innovations[:] = np.nan
         if self._last is not None:
             odometry = (np.ascontiguousarray(u), *self._odometry)
             innovations(self._wall, self._rays, rho, *self._last, odometry, self.period, self._innovations)
+        stuck = self._stuck(rho)
+        if stuck.any():
+            rho, self._innovations[:, stuck] = np.where(stuck, np.nan, rho), np.nan
+            reader.counts.add(Unused.OUTLIER, int(np.count_nonzero(stuck)))
         window.push(rho, u)
         if window.has_centre:
             self._observe()
@@ -316,6 +319,16 @@ class RangeObserver:
         if alone is not Status.OK and status.usable:
             status, message = worst(status, alone), message or _WORDS[alone]
         return Estimate(t, x, P, status, extra, waiting(status, wanted) or message)
+
+    def _stuck(self, rho: Array) -> Flags:
+        """True (l,) for rays with noise whose ranges rho (l,) [m] repeat themselves while those expected change."""
+        if not self._noisy:
+            return np.zeros(len(rho), np.bool_)
+        expected = rho - self._innovations[0]
+        count = np.array([same.take(each) for same, each in zip(self._repeats, rho[:, np.newaxis], strict=True)])
+        self._begun = np.where((count == 0) | np.isnan(self._begun), expected, self._begun)
+        stuck: Flags = (count >= STUCK) & (np.abs(expected - self._begun) > self._moved)
+        return stuck
 
     @property
     def _lock(self) -> Status:

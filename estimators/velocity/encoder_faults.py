@@ -167,7 +167,7 @@ class EncoderFaults:
                 self._until = min(self._until, t + _STUCK_FOR)
             else:
                 self._until = max(self._until, t + _LEAPT_FOR)
-                self._doubt = f"has an encoder that has leapt: {self._names[i]}"
+                self._doubt = f"has a sensor that has leapt, of {self._names[i]}"
 
 
 def repetitions(sigma: float, step: float) -> float:

@@ -114,7 +114,7 @@ class ReadingErrors:
         rotations = [start + k for start in turns for k in range(3)]
         self._rotations = np.array(rotations, dtype=np.intp)
         self._watched = np.concatenate([self._coordinates, self._rotations])
-        names = [mission.system.states[k].partition(" [")[0] for k in self._rotations - manifold.vector_size]
+        names = [f"the attitude about axis {axis}" for _ in turns for axis in "xyz"]
         self.faults = EncoderFaults([*(each.name for each in scalars), *names], mission.period)
         """encoders that repeat themselves or leap: of the k slides and hinges, and then three of each attitude"""
         self.joint_errors = np.zeros(len(scalars))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.observer import RangeObserver
-from mathnavi.interfaces.signals import Status
+from mathnavi.interfaces.signals import Measurement, Status
 from mathnavi.models.field.curve import EGG
 from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.studies.ranging import pose_integrity as part
@@ -40,3 +40,17 @@ def test_without_a_start_it_is_ok_once_another_estimator_has_found_the_same() ->
 def test_lost_by_a_ray_that_is_blocked_it_is_not_sure_of_a_wrong_pose() -> None:
     """It settles at a pose turned by half a turn, with which its ranges agree nearly."""
     assert part.watched(Watched("range_observer", "a ray reads 0.3 m", 103, True)).judged == 0.0
+
+
+def test_a_robot_that_stands_may_read_the_same_again_and_again() -> None:
+    """Its ranges are rounded to more than their noise; where it moves, a ray that does so is stuck."""
+    drive = part.driven(np.random.default_rng(102), EGG)
+    x, y, phi = drive.truth[0].tolist()
+    ranges = np.round(drive.ranges[0] - drive.noise[0], 2)
+    observer = RangeObserver.build(RangeObserver.Config(), part._mission(KnownStart((x, y, phi), (0.05,) * 3), EGG))
+    for k in range(400):
+        t = part.PERIOD * (k + 1)
+        read = (Measurement("ranges", t, ranges), Measurement("odometry", t, np.zeros(2)))
+        estimate = observer.update(t, read, np.zeros(2))
+    assert estimate.status is Status.OK
+    assert estimate.extra["unused"].sum() == 0.0

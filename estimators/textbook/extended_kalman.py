@@ -94,8 +94,9 @@ class TextbookEkf:
         """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
 
         ``extra["innovations"]`` (m,) and ``extra["innovation_std"]`` (m,) are those of the outputs that were last read
-        and in sight (``interfaces.innovations``), about the output of the prediction; ``extra`` also counts the
-        readings that were not used, by output.
+        and in sight (``interfaces.innovations``), about the output of the prediction; ``extra["integrity"]`` (1,) is
+        the worst statistic of their tests over its threshold; ``extra`` also counts the readings that were not used, by
+        output.
         """
         self._innovations[:] = np.nan
         for reading in measurements:

@@ -102,8 +102,8 @@ class SampledObserver:
 
         ``extra["z"]`` is the observer's state; ``extra["innovations"]`` (m,) are what the reading of t is off from the
         output of x^, which the last period alone has led to it by that reading, and ``extra["innovation_std"]`` (m,)
-        the standard deviations of that (``interfaces.innovations``); ``extra`` also counts the readings that were not
-        used.
+        the standard deviations of that (``interfaces.innovations``); ``extra["integrity"]`` (1,) is the worst statistic
+        of their tests over its threshold; ``extra`` also counts the readings that were not used.
         """
         self._innovations[:] = np.nan
         for reading in measurements:

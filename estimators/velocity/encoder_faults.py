@@ -45,6 +45,7 @@ _CHANCE, _LIKELY = 1e-12, 0.9  # of a run of repetitions, and of one, from which
 _SHARE = 0.5  # of the variance that readings show, that is surely noise
 _DEVIATIONS, _STEPS, _FASTEST = 8.0, 3.0, 2000.0  # of a leap; [rad/s^2, m/s^2]
 _BACK = 0.1  # of the largest leap, within which an encoder has leapt back
+_ROUNDING = 1e-18  # [rad^2, m^2] of readings without errors
 _GAP = 2.1  # intervals between readings, of which one is missing, with some jitter
 _STUCK_FOR, _LEAPT_FOR = 1.0, 5.0  # [s] of doubt after a repetition, and after a leap
 _ALIKE, _SEEN, _LATE, _IN_TIME = 4.0, 8.0, 2, 0.3  # deviations; encoders that show a delay; share of it
@@ -143,7 +144,7 @@ class EncoderFaults:
 
     def _is_in_time(self, variance: Array) -> bool:
         """True if readings that were late are in time again; notes the delay of those that are late now."""
-        d, v, of_d, of_v = self._lines
+        (d, v, of_d, of_v), variance = self._lines, np.maximum(variance, _ROUNDING)
         motion = float((v * v / variance).sum())
         tau = -float((d * v / variance).sum()) / motion if motion > 0.0 else 0.0
         deviation = np.sqrt(variance * (of_d + tau * tau * of_v))

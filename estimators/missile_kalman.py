@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated
 
 import casadi
 import numpy as np
@@ -33,7 +33,7 @@ from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.models.angles import wrapped
-from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.models.buffered_function import NumericFunction
 from mathnavi.models.missile.coordinates import STEP, Coordinates
 from mathnavi.models.missile.dynamics import Body, rotation
 from mathnavi.models.missile.input_history import InputHistory
@@ -83,8 +83,8 @@ class MissileKalman:
         interval = mission.control_period if config.rate is None else 1.0 / config.rate
         self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout, interval), np.array(mission.input_max)
         self._size, self._monitored = coordinates.state_size, monitored
-        self._step = Transition(coordinates, mission.body, config.time_constant)
-        self._input_of = disturbing_input(coordinates)
+        self._step = NumericFunction(transition(coordinates, mission.body, config.time_constant))
+        self._input_of = NumericFunction(disturbing_input(coordinates))
         disturbance = disturbance_deviation(config, mission)
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
         self._filter = external_prediction_ekf(self._size + len(disturbance), self._size)
@@ -159,7 +159,7 @@ class MissileKalman:
             status, doubt = worst(status, integrity, self._channels.status(t)), self._monitor.message
             doubt = self._channels.message or doubt
             self._channels.add_leaps(P)
-        extra = {"disturbance": np.array(self._input_of(x)).ravel(), **self._counts.extra}
+        extra = {"disturbance": self._input_of(x)[0].ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
         return Estimate(
             t, x[: self._size].copy(), P, status, extra, waiting(status, "a reading of full_state") or doubt
@@ -196,7 +196,8 @@ class MissileKalman:
         """Advance by h [s] with the input held."""
         while h > TIME_TOLERANCE:
             step = min(h, STEP)
-            self._filter.x, F = self._step(self._filter.x, u, step)
+            after, F = self._step(self._filter.x, u, step)
+            self._filter.x = after.ravel()
             noise = np.zeros(len(self._filter.x))
             noise[self._size :] = step * self._intensity
             self._filter.P = F.dot(self._filter.P).dot(F.T) + F * noise @ F.T
@@ -288,35 +289,6 @@ def disturbing_input(coordinates: Coordinates) -> casadi.Function:
     d = z[coordinates.state_size :]
     made = casadi.vertcat(R.T @ d[: len(axes)], d[len(axes) :])
     return casadi.Function("disturbing_input", [z], [made])
-
-
-class Transition:
-    """``transition`` of arrays."""
-
-    def __init__(self, coordinates: Coordinates, body: Body, time_constant: float) -> None:
-        self._of = coordinates, body, time_constant
-        n, nu = coordinates.state_size + coordinates.input_size, coordinates.input_size
-        self._given = np.zeros(n), np.zeros(nu), np.zeros(1)
-        self._found = np.zeros(n), np.zeros(n * n)
-        self._evaluate = BufferedFunction(_dense(transition(*self._of)), self._given, self._found)
-
-    def __reduce__(self) -> Any:
-        return Transition, self._of
-
-    def __call__(self, x: Array, u: Array, h: float) -> tuple[Array, Array]:
-        """(x, d) (n,) after h [s] from (x, d) with the input u (nu,) held, and its Jacobian (n, n)."""
-        at, held, length = self._given
-        at[:], held[:], length[0] = x, u, h
-        self._evaluate()
-        after, columns = self._found
-        return after.copy(), columns.reshape(len(at), len(at)).T.copy()
-
-
-@lru_cache(maxsize=8)
-def _dense(step: casadi.Function) -> casadi.Function:
-    """A function with the same results, with every entry of them."""
-    given = step.sx_in()
-    return casadi.Function("dense", given, [casadi.densify(each) for each in step(*given)])
 
 
 @lru_cache(maxsize=8)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import casadi
+import numpy as np
 
 from mathnavi.interfaces.signals import Array
 
@@ -34,3 +35,29 @@ class BufferedFunction:
         """Return a solver's statistics of its last call."""
         statistics: dict[str, Any] = self._buffer.stats()
         return statistics
+
+
+class NumericFunction:
+    """A function of vectors, called with arrays; each result is an array of its own."""
+
+    def __init__(self, function: casadi.Function) -> None:
+        self._function = function
+        given = [casadi.SX.sym(f"x_{k}", function.sparsity_in(k)) for k in range(function.n_in())]
+        # transposed: CasADi stores columns, numpy rows
+        rows = [casadi.densify(each.T) for each in function.call(given)]
+        self._given = tuple(np.zeros(each.numel()) for each in given)
+        self._found = tuple(np.zeros(each.numel()) for each in rows)
+        self._shapes = tuple(function.size_out(k) for k in range(function.n_out()))
+        self._evaluate = BufferedFunction(casadi.Function("rows", given, rows), self._given, self._found)
+
+    def __reduce__(self) -> Any:
+        return NumericFunction, (self._function,)
+
+    def __call__(self, *arguments: Array | float) -> tuple[Array, ...]:
+        """Return the results, (m, n) each, at vectors (n,), of which a number is one with an entry."""
+        for given, argument in zip(self._given, arguments, strict=True):
+            given[:] = argument
+        self._evaluate()
+        return tuple(
+            found.reshape(shape).copy() for found, shape in zip(self._found, self._shapes, strict=True)
+        )  # fmt: skip

@@ -21,6 +21,7 @@ from mathnavi.estimators.stagewise.model import Piece, refused
 from mathnavi.interfaces.reading_counts import Unused
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.angles import wrapped
+from mathnavi.models.buffered_function import NumericFunction
 from mathnavi.models.missile.coordinates import STEP
 from mathnavi.models.missile.input_history import InputHistory
 from mathnavi.models.missile.mission import MissileMission
@@ -42,7 +43,7 @@ class MissileModel:
         self._disturbance, self._start, self._reading = disturbance, start, reading
         self._intensity = 2.0 * disturbance**2 / time_constant
         self._step: casadi.Function = transition(mission.coordinates, mission.body, time_constant)
-        self._input_of = disturbing_input(mission.coordinates)
+        self._input_of = NumericFunction(disturbing_input(mission.coordinates))
         self._input_max = np.array(mission.input_max)
         self._history = InputHistory(mission.input_delay, self._inputs)
         self._is_known = True  # where the missile starts
@@ -122,7 +123,7 @@ class MissileModel:
         return -high - x, high - x
 
     def extra(self, x: Array, P: Array) -> Mapping[str, Array]:
-        return {"disturbance": np.array(self._input_of(x)).ravel()}
+        return {"disturbance": self._input_of(x)[0].ravel()}
 
     def reported(self, x: Array, P: Array) -> tuple[Array, Array]:
         return x[: self.rows].copy(), P[: self.rows, : self.rows].copy()

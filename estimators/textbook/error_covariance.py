@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.buffered_function import NumericFunction
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.slopes import output_and_slope, transition_slope
 from mathnavi.models.textbook.system import System
@@ -44,7 +45,7 @@ class ErrorCovariance:
 
     def observe(self, z: Array, u: Array, y: Array, h: float) -> None:
         """Let the observer follow readings near y (m,) from z (size,) over h [s], with u (p,) held."""
-        A, B = (np.array(each) for each in self._slopes(z, u, y))
+        A, B = self._slopes(z, u, y)
         n, m = B.shape
         M = np.zeros((n + m, n + m))
         M[:n, :n], M[:n, n:] = h * A, h * B
@@ -55,7 +56,7 @@ class ErrorCovariance:
     def copy(self, before: Array, after: Array, u: Array, h: float) -> None:
         """Let x^ go from ``before`` (n,) to ``after`` (n,) in h [s] as the system does, with u (p,) held."""
         try:
-            moved = self._slope(after) @ np.array(transition_slope(self._system)(before, u, h))
+            moved = self._slope(after) @ transition_slope(self._system)(before, u, h)[0]
             F = moved @ np.linalg.inv(self._slope(before))
         except np.linalg.LinAlgError:
             return
@@ -71,7 +72,7 @@ class ErrorCovariance:
 
     def output_covariance(self, x: Array, P: Array, u: Array) -> Array:
         """Covariance (m, m) of a reading about the output of an estimate x (n,) with covariance P (n, n)."""
-        C = np.array(output_and_slope(self._system)(x, u)[1])
+        C = output_and_slope(self._system)(x, u)[1]
         found: Array = C @ P @ C.T + self.variance * np.eye(len(C))
         return found
 
@@ -105,9 +106,9 @@ def _bounded(P: Array, otherwise: Array) -> Array:
     return bounded + _SMALLEST * np.eye(len(P))
 
 
-def _slopes(rate: Rate, size: int, system: System) -> casadi.Function:
+def _slopes(rate: Rate, size: int, system: System) -> NumericFunction:
     """Function (z, u, y) -> dF^/dz (size, size) and dF^/dy (size, m)."""
     sizes = size, len(system.inputs), len(system.outputs)
     z, u, y = (casadi.SX.sym(name, n) for name, n in zip("zuy", sizes, strict=True))
     F = rate(z, u, y)
-    return casadi.Function("slopes", [z, u, y], [casadi.jacobian(F, z), casadi.jacobian(F, y)])
+    return NumericFunction(casadi.Function("slopes", [z, u, y], [casadi.jacobian(F, z), casadi.jacobian(F, y)]))

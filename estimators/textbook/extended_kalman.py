@@ -126,7 +126,7 @@ class TextbookEkf:
             self._t = t
         h = time_ahead(t, self._t)
         if h > TIME_TOLERANCE:
-            self._filter.F = np.array(self._transition(self._filter.x, u, h))
+            self._filter.F = self._transition(self._filter.x, u, h)[0]
             noise = h * self._config.process**2
             self._filter.Q = noise * np.eye(len(self._filter.x))
             x, P = self._filter.x, self._filter.P
@@ -175,7 +175,7 @@ class TextbookEkf:
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
         """Output h(x, u) (m,) and its Jacobian (m, n)."""
         y, slope = self._output(x, u)
-        return np.array(y).ravel(), np.array(slope)
+        return y.ravel(), slope
 
     def _status(self, t: float, covariance: Array) -> Status:
         status = self._timeout_monitor.status(t, covariance)

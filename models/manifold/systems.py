@@ -19,7 +19,7 @@ import casadi
 import numpy as np
 
 from mathnavi.interfaces.signals import Array
-from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.models.buffered_function import NumericFunction
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.models.manifold.system import integrate
@@ -87,7 +87,7 @@ class PointSystem:
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
         """Tangential force (size,) [1/s^2] at the point x (size,) under the ambient input u (size,)."""
-        f: Array = self._force_buffer(x, u)
+        f: Array = self._force_buffer(x, u)[0].ravel()
         return f
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
@@ -152,9 +152,9 @@ class PointSystem:
         return casadi.Function("rate", [x, u], [self._derivative(x, u)])
 
     @cached_property
-    def _force_buffer(self) -> _Buffered:
+    def _force_buffer(self) -> NumericFunction:
         p, u, F = self._symbols
-        return _Buffered(casadi.Function("force", [p, u], [F]), self.manifold.size)
+        return NumericFunction(casadi.Function("force", [p, u], [F]))
 
 
 @dataclass(frozen=True)
@@ -179,16 +179,3 @@ class RigidBody:
     def flow(self, state: Array, u: Array, h: float) -> Array:
         """State (7,), quaternion and body rate, after h [s] with the torque u (3,) [N m] held."""
         return integrate(self, state, u, h)
-
-
-class _Buffered:
-    """A function of two vectors (size,) to one, called in place."""
-
-    def __init__(self, function: casadi.Function, size: int) -> None:
-        self._given, self._found = (np.zeros(size), np.zeros(size)), np.zeros(size)
-        self._call = BufferedFunction(function, self._given, [self._found])
-
-    def __call__(self, a: Array, b: Array) -> Array:
-        self._given[0][:], self._given[1][:] = a, b
-        self._call()
-        return self._found.copy()

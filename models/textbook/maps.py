@@ -8,6 +8,7 @@ import casadi
 import numpy as np
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.models.buffered_function import NumericFunction
 
 _STEPS = 50  # of Newton's method at most
 _EXACT = 1e-13  # relative residual at which it stops
@@ -17,8 +18,8 @@ _LEAST = 1e-3  # share of a step below which it gives up
 def of_numbers(expression: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array], Array]:
     """Turn an expression of (n,) into a function of numbers (n,) with a flat value."""
     x = casadi.SX.sym("x", n)
-    function = casadi.Function("f", [x], [expression(x)])
-    return lambda at: np.array(function(at)).ravel()
+    function = NumericFunction(casadi.Function("f", [x], [expression(x)]))
+    return lambda at: function(at)[0].ravel()
 
 
 def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Array], Array | None]:
@@ -27,7 +28,7 @@ def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Arr
     A step that does not bring T(x) nearer to z is halved until it does.
     """
     x = casadi.SX.sym("x", n)
-    value_and_slope = casadi.Function("T", [x], [T(x), casadi.jacobian(T(x), x)])
+    value_and_slope = NumericFunction(casadi.Function("T", [x], [T(x), casadi.jacobian(T(x), x)]))
 
     def found(z: Array, near: Array) -> Array | None:
         at, share = np.array(near, dtype=np.float64), 1.0
@@ -54,6 +55,6 @@ def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Arr
     return found
 
 
-def _residual(function: casadi.Function, at: Array, z: Array) -> tuple[Array, Array]:
+def _residual(function: NumericFunction, at: Array, z: Array) -> tuple[Array, Array]:
     value, slope = function(at)
-    return z - np.array(value).ravel(), np.array(slope)
+    return z - value.ravel(), slope

@@ -24,6 +24,7 @@ import numpy as np
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.angles import wrapped
+from mathnavi.models.buffered_function import NumericFunction
 from mathnavi.models.runge_kutta import Flow
 
 
@@ -96,16 +97,16 @@ class System:
 
     def rate(self, x: Array, u: Array) -> Array:
         """Rate x' (n,) at x (n,) under u (p,)."""
-        return np.array(self._numbers(x, u)[0]).ravel()
+        return self._numbers(x, u)[0].ravel()
 
     def output(self, x: Array, u: Array) -> Array:
         """Output y (m,) at x (n,) under u (p,)."""
-        return np.array(self._numbers(x, u)[1]).ravel()
+        return self._numbers(x, u)[1].ravel()
 
     @cached_property
-    def _numbers(self) -> casadi.Function:
+    def _numbers(self) -> NumericFunction:
         x, u = casadi.SX.sym("x", len(self.states)), casadi.SX.sym("u", len(self.inputs))
-        return casadi.Function("system", [x, u], [self.f(x, u), self.h(x, u)])
+        return NumericFunction(casadi.Function("system", [x, u], [self.f(x, u), self.h(x, u)]))
 
     def difference(self, a: Array, b: Array) -> Array:
         """Difference a - b (..., n) of states a, b (..., n), angles wrapped."""

@@ -215,6 +215,7 @@ class MujocoPlant:
         self._touching = False  # any vehicle anything
         self._read_between: dict[int, tuple[_Vehicle, ...]] = {}
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
+        self._reports: dict[tuple[int, int], list[tuple[str, str, str]]] = {}  # of two geoms, once they touched
         self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
         self._expected = _expected_contacts(model, self._each)
         sleeping = bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_SLEEP))  # which no state restores
@@ -410,21 +411,29 @@ class MujocoPlant:
         pairs = self.data.contact.geom
         return bool(self._expected[pairs[:, 0], pairs[:, 1]].all())
 
+    def _reported(self, first: int, second: int) -> list[tuple[str, str, str]]:
+        """Return vehicles that touch something where two geoms do, what they touch, and the kind of the event."""
+        if (found := self._reports.get((first, second))) is not None:
+            return found
+        found = self._reports[first, second] = []
+        for own, other in ((first, second), (second, first)):
+            owner, stranger = self._owner.get(own), self._owner.get(other)
+            if owner is None or owner is stranger or self.model.geom(other).name in owner.ignored_contacts:
+                continue
+            if stranger is not None:
+                found.append((owner.name, stranger.name, "vehicle-contact"))
+            else:
+                ground = int(self.model.geom_type[other]) in _GROUND
+                thing = thing_named(self.model.geom(other).name, other)
+                found.append((owner.name, thing, "ground-contact" if ground else "contact"))
+        return found
+
     def _touch(self, events: list[Event]) -> None:
         """Return the contacts that began with this tick."""
         touched: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
-        for contact in self.data.contact:
-            pair = int(contact.geom1), int(contact.geom2)
-            for own, other in (pair, pair[::-1]):
-                owner, stranger = self._owner.get(own), self._owner.get(other)
-                if owner is None or owner is stranger or self.model.geom(other).name in owner.ignored_contacts:
-                    continue
-                if stranger is not None:
-                    touched[owner.name][stranger.name] = "vehicle-contact"
-                else:
-                    ground = int(self.model.geom_type[other]) in _GROUND
-                    thing = thing_named(self.model.geom(other).name, other)
-                    touched[owner.name][thing] = "ground-contact" if ground else "contact"
+        for first, second in self.data.contact.geom.tolist():
+            for name, thing, kind in self._reported(first, second):
+                touched[name][thing] = kind
         for vehicle in self._each:
             now = touched[vehicle.name]
             for thing in sorted(now.keys() - vehicle.touched):

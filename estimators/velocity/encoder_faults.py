@@ -14,9 +14,13 @@ encoder may repeat itself as long as it likes.
 **Leaps.** A joint does not leap. With lines through the four readings before and the four after a gap, d is the lesser
 of what lies between them at its two ends, 0 where they cross in it, as under any force that changes the velocity. An
 encoder has leapt by d if that is beyond 8 of its deviations, declared or shown, three times what the joint moves from
-reading to reading, and what an acceleration of 2000 rad/s^2 or m/s^2 can do. Either place may be the right one: |d|, or
-the sum of several leaps, is a deviation of the position until it leaps back, to a tenth of the largest or within 8
-deviations.
+reading to reading, and what an acceleration of 2000 rad/s^2 or m/s^2 can do. A motion that is more sudden, as that of
+a light finger against a stop, is none if the observer has predicted more than 0.3 |d| of it. What it has not may be
+less: beyond 8 deviations, four times what its predictions were off at most lately, and the second differences of the
+readings on either side, which any motion with a bounded acceleration shows.
+
+Either place may be the right one: |d|, or the sum of several leaps, is a deviation of the position until it leaps back,
+to a tenth of the largest or within 8 deviations.
 
 **Late readings.** Where encoders leap together, each back along its motion by what it takes the same time tau for,
 
@@ -48,6 +52,8 @@ _BACK = 0.1  # of the largest leap, within which an encoder has leapt back
 _ROUNDING = 1e-18  # [rad^2, m^2] of readings without errors
 _GAP = 2.1  # intervals between readings, of which one is missing, with some jitter
 _STUCK_FOR, _LEAPT_FOR = 1.0, 5.0  # [s] of doubt after a repetition, and after a leap
+_FEWEST = 100  # readings that were predicted, from which on predictions count
+_KEPT, _TIMES, _PREDICTED = 0.998, 4.0, 0.3  # of the largest error from reading to reading; times it; share of a leap
 _ALIKE, _SEEN, _LATE, _IN_TIME = 4.0, 8.0, 2, 0.3  # deviations; encoders that show a delay; share of it
 
 
@@ -72,7 +78,9 @@ class EncoderFaults:
         self.repeats = np.zeros(k)
         """repetitions (k,) in a row so far"""
         self._leap, self._largest = np.zeros(k), np.zeros(k)  # of this reading, and of all so far
-        self._lines = np.zeros((4, k))  # of this reading: distance and slope of the lines, and their variances over R
+        self._lines = np.zeros((5, k))  # of this reading, see ``leaps``
+        self._off = np.full((2 * _SIDE, k), np.nan)  # of the readings, what was not predicted
+        self._usual, self._predicted = np.zeros(k), 0  # the largest of it lately, and the number of predictions
         self.delay = 0.0
         """time [s] by which all readings are late"""
         self._in_time = np.zeros((2, k))  # offset and largest leap before they were
@@ -94,12 +102,13 @@ class EncoderFaults:
             return self._doubt
         return f"has readings that are {self.delay:.3f} s late" if self.delay else ""
 
-    def read(self, t: float, y: Array, errors: EncoderErrors) -> None:
-        """Take readings y (k,) of t [s] with their ``errors``."""
+    def read(self, t: float, y: Array, errors: EncoderErrors, off: Array | None = None) -> None:
+        """Take readings y (k,) of t [s] with their ``errors``, ``off`` (k,) from what was predicted, if it was."""
         if self._count and not 0.0 < t - self._times[-1] <= self._gap:
             self._count = 0
         self._times[:-1], self._readings[:-1] = self._times[1:], self._readings[1:]
         self._times[-1], self._readings[-1] = t, y
+        self._expect(off)
         self._count += 1
         if self._count < 2:
             self.repeats[:] = 0.0
@@ -112,6 +121,8 @@ class EncoderFaults:
             return
         variance = np.maximum(errors.noise + np.square(errors.steps) / 12.0, errors.shown)
         leaps(self._times, self._readings, variance, self._leap, self._lines)
+        if self._predicted >= _FEWEST:
+            self._unpredicted(variance)
         if self.offset.any():
             d, known = self._lines[0], _DEVIATIONS * np.sqrt(variance)
             within = np.abs(self.offset + d) <= np.maximum(_BACK * self._largest, known)
@@ -127,6 +138,26 @@ class EncoderFaults:
     def forget(self) -> None:
         """Begin again with readings that are not related to those before; leaps are remembered."""
         self._count = 0
+
+    def _expect(self, off: Array | None) -> None:
+        """Keep what a reading is off from its prediction, and the largest of it before the gap between the lines."""
+        if off is None:
+            self._off[:], self._predicted = np.nan, 0
+            return
+        before = np.abs(self._off[_SIDE])
+        self._off[:-1], self._off[-1] = self._off[1:], off
+        if np.isfinite(before).all():
+            self._usual = np.maximum(_KEPT * self._usual, before)
+            self._predicted += 1
+
+    def _unpredicted(self, variance: Array) -> None:
+        """Note no leap that was predicted, and smaller ones too where predictions have been right."""
+        d, off, known = self._lines[0], self._off[_SIDE], _DEVIATIONS * np.sqrt(self._lines[2] * variance)
+        limit = np.maximum(np.maximum(known, self._lines[4]), _TIMES * self._usual)
+        unpredicted = np.abs(off - d) <= _PREDICTED * np.abs(d)
+        found = (np.abs(d) > limit) & unpredicted
+        self._leap[found] = d[found]
+        self._leap[~unpredicted] = 0.0
 
     def _repeat(self, t: float, same: Flags, errors: EncoderErrors) -> None:
         for i in np.flatnonzero(same):
@@ -144,7 +175,7 @@ class EncoderFaults:
 
     def _is_in_time(self, variance: Array) -> bool:
         """True if readings that were late are in time again; notes the delay of those that are late now."""
-        (d, v, of_d, of_v), variance = self._lines, np.maximum(variance, _ROUNDING)
+        (d, v, of_d, of_v), variance = self._lines[:4], np.maximum(variance, _ROUNDING)
         motion = float((v * v / variance).sum())
         tau = -float((d * v / variance).sum()) / motion if motion > 0.0 else 0.0
         deviation = np.sqrt(variance * (of_d + tau * tau * of_v))
@@ -188,8 +219,9 @@ def repetitions(sigma: float, step: float) -> float:
 def leaps(times: Array, y: Array, variance: Array, leap: Array, lines: Array) -> None:
     """Write the leaps (k,) between the fourth and the fifth of the readings y (8, k) at ``times`` (8,), 0 for none.
 
-    ``variance`` (k,) is that of a reading. Of the ``lines`` (4, k) on both sides are written what lies between them,
-    their mean slope, and the variances of both over that of a reading.
+    ``variance`` (k,) is that of a reading. Of the ``lines`` (5, k) on both sides are written what lies between them,
+    their mean slope, the variances of both over that of a reading, and the largest second difference of the readings of
+    a side.
     """
     half = len(times) // 2
     gap = times[half] - times[half - 1]
@@ -225,6 +257,11 @@ def leaps(times: Array, y: Array, variance: Array, leap: Array, lines: Array) ->
             if j != half:
                 limit = max(limit, _STEPS * abs(y[j, i] - y[j - 1, i]) * gap / (times[j] - times[j - 1]))
         between = math.copysign(least, sign)
+        bent = 0.0
+        for j in range(2, 2 * half):
+            if j not in (half, half + 1):
+                bent = max(bent, abs(y[j, i] - 2.0 * y[j - 1, i] + y[j - 2, i]))
+        lines[4, i] = bent
         leap[i] = between if least > limit else 0.0
         lines[0, i], lines[1, i] = between, 0.5 * (slope[0] + slope[1])
         lines[2, i], lines[3, i] = most, 0.25 * (1.0 / spread[0] + 1.0 / spread[1])

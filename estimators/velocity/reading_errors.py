@@ -209,7 +209,7 @@ class ReadingErrors:
         if self._count % _FEWEST == 0:
             self._blocks.append(self._squares / _FEWEST)
             self._squares = np.zeros(len(r))
-        self._watch(t, y)
+        self._watch(t, y, predicted)
         if predicted is not None:
             self.expect(y, predicted)
         if self.declared:
@@ -218,7 +218,7 @@ class ReadingErrors:
         self._was_known = self.known
         return due and self._learn()
 
-    def _watch(self, t: float, y: Array) -> None:
+    def _watch(self, t: float, y: Array, predicted: Array | None) -> None:
         """Watch for encoders that repeat themselves or leap, once the errors of the readings are known."""
         if not len(self._watched) or not self.known or self._count < _FEWEST:
             return
@@ -236,7 +236,10 @@ class ReadingErrors:
         self.joint_errors = np.maximum(np.sqrt(np.maximum(noise, shown)), steps)[:scalars]
         least = np.minimum.reduce(self._blocks)[at]
         readings = used * np.concatenate([y[self._places], self._turns])
-        self.faults.read(t, readings, EncoderErrors(noise, shown, least, steps))
+        off = None if predicted is None else innovation(self._manifold, predicted, y)
+        self.faults.read(
+            t, readings, EncoderErrors(noise, shown, least, steps), None if off is None else used * off[at]
+        )
         self.faults.repeats[~used] = 0.0
 
     def expect(self, y: Array, predicted: Array) -> None:

@@ -23,15 +23,16 @@ JOINT = ScalarJoint("elbow", 0, 0, True, -math.inf, math.inf)
 
 
 def watched(
-    y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP
+    y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP, predicted: Array | None = None
 ) -> tuple[list[str], EncoderFaults]:
-    """Doubts (N,) about readings y (N,) of a joint."""
+    """Doubts (N,) about readings y (N,) of a joint, which are ``predicted`` (N,), or not."""
     found = EncoderFaults([JOINT.name], PERIOD)
     doubts = []
     for k, each in enumerate(y):
         t = PERIOD * k
         seen = np.array([shown**2 + step**2 / 12.0])
-        found.read(t, np.array([each]), EncoderErrors(np.array([sigma**2]), seen, seen, np.array([step])))
+        off = None if predicted is None else np.array([each - predicted[k]])
+        found.read(t, np.array([each]), EncoderErrors(np.array([sigma**2]), seen, seen, np.array([step])), off)
         doubts.append(found.doubt(t))
     return doubts, found
 
@@ -79,6 +80,30 @@ def test_a_leap_is_doubted_and_a_deviation_of_the_position_until_the_encoder_lea
     assert found.offset[0] == pytest.approx(0.1, abs=3e-3)
     _, found = watched(y)
     assert found.offset[0] == 0.0
+
+
+def test_a_leap_that_the_motion_could_hide_is_found_where_the_motion_is_predicted() -> None:
+    q = swing(6.0)
+    y = q.copy()
+    y[600:] += 0.02  # less than three times what the joint moves from reading to reading
+    y = read(y)
+    believed = np.where(np.arange(len(q)) > 600, q + 0.02, q)  # by an observer that follows its readings at once
+    assert not any(watched(y)[0])
+    doubts, found = watched(y, predicted=believed)
+    assert not any(doubts[:600])
+    assert all(doubts[604:1500])
+    assert found.offset == pytest.approx(0.02, abs=4.0 * SIGMA)
+    worse = believed + 0.006 * np.sin(0.3 * np.arange(len(q)))  # which are wrong by a third of the leap anyway
+    assert not any(watched(y, predicted=worse)[0])
+
+
+def test_a_sudden_motion_that_is_predicted_is_no_leap() -> None:
+    q = swing(6.0)
+    q[700:] += 0.1  # as of a light finger that is hit twice between two readings
+    assert any(watched(read(q))[0])
+    assert not any(watched(read(q), predicted=q)[0])
+    late = np.where(np.arange(len(q)) > 700, q, q - 0.1 * (np.arange(len(q)) == 700))
+    assert any(watched(read(q), predicted=late)[0])
 
 
 def test_what_a_joint_does_is_no_leap() -> None:

@@ -54,10 +54,11 @@ class NumericFunction:
         return NumericFunction, (self._function,)
 
     def __call__(self, *arguments: Array | float) -> tuple[Array, ...]:
-        """Return the results, (m, n) each, at vectors (n,), of which a number is one with an entry."""
+        """Return the results, (m, n) each, at vectors (n,); a number stands for one of alike entries.
+
+        Raises ValueError for another number of arguments, or a vector of another length.
+        """
         for given, argument in zip(self._given, arguments, strict=True):
             given[:] = argument
         self._evaluate()
-        return tuple(
-            found.reshape(shape).copy() for found, shape in zip(self._found, self._shapes, strict=True)
-        )  # fmt: skip
+        return tuple(found.reshape(shape).copy() for found, shape in zip(self._found, self._shapes, strict=True))

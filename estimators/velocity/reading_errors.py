@@ -209,17 +209,20 @@ class ReadingErrors:
         if self._count % _FEWEST == 0:
             self._blocks.append(self._squares / _FEWEST)
             self._squares = np.zeros(len(r))
-        self._watch(t, y, predicted)
-        if predicted is not None:
-            self.expect(y, predicted)
+        off = None if predicted is None else innovation(self._manifold, predicted, y)
+        self._watch(t, y, off)
+        self._expect(y, off)
         if self.declared:
             return False
         due = self._count % _FEWEST == 0 or (self.known and not self._was_known)
         self._was_known = self.known
         return due and self._learn()
 
-    def _watch(self, t: float, y: Array, predicted: Array | None) -> None:
-        """Watch for encoders that repeat themselves or leap, once the errors of the readings are known."""
+    def _watch(self, t: float, y: Array, off: Array | None) -> None:
+        """Watch for encoders that repeat themselves or leap, once the errors of the readings are known.
+
+        ``off`` (n,) is what the reading is off from its prediction, if it has one.
+        """
         if not len(self._watched) or not self.known or self._count < _FEWEST:
             return
         if self.declared:
@@ -236,15 +239,16 @@ class ReadingErrors:
         self.joint_errors = np.maximum(np.sqrt(np.maximum(noise, shown)), steps)[:scalars]
         least = np.minimum.reduce(self._blocks)[at]
         readings = used * np.concatenate([y[self._places], self._turns])
-        off = None if predicted is None else innovation(self._manifold, predicted, y)
-        self.faults.read(
-            t, readings, EncoderErrors(noise, shown, least, steps), None if off is None else used * off[at]
-        )
+        unpredicted = None if off is None else used * off[at]
+        self.faults.read(t, readings, EncoderErrors(noise, shown, least, steps), unpredicted)
         self.faults.repeats[~used] = 0.0
 
     def expect(self, y: Array, predicted: Array) -> None:
         """Take the position (size,) that was ``predicted`` for the reading y (size,) that was taken last."""
-        L = None if self._newest is None else innovation(self._manifold, predicted, y)
+        if self._newest is not None:
+            self._expect(y, innovation(self._manifold, predicted, y))
+
+    def _expect(self, y: Array, L: Array | None) -> None:
         if self._newest is None or L is None:
             return
         if self.declared:

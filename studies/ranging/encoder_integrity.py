@@ -44,7 +44,7 @@ SWING, RATES = np.array([1.0, 1.2]), np.array([1.7, 2.6])  # [rad], [rad/s]
 STIFFNESS, DAMPED = np.array([60.0, 20.0]), np.array([12.0, 4.0])  # [N m/rad], [N m s/rad] of the control
 BLOCKS = (slice(0, 2), slice(2, 4))
 """of a state: positions and velocities"""
-SLIP, LATE, SILENT = 0.1, 0.05, 2.0  # [rad], [s], [s]
+SLIP, SMALL_SLIP, LATE, SILENT = 0.1, 0.01, 0.05, 2.0  # [rad], [rad], [s], [s]
 WINDOWS = (0.02, 0.1, 0.4, 1.0)  # [s] of the tests
 APART = 5  # residuals of cubics, of which one and the next have no reading in common
 NOISY, OFF, STANDS, ONE_TURN = "noise times 3", "a motor off", "an encoder stuck", "an encoder of one turn"
@@ -79,6 +79,10 @@ def _stuck(swing: Swing, during: slice, joint: int) -> None:
 
 def _slip(swing: Swing, during: slice, joint: int) -> None:
     swing.readings[during, joint] += SLIP
+
+
+def _slip_a_little(swing: Swing, during: slice, joint: int) -> None:
+    swing.readings[during, joint] += SMALL_SLIP
 
 
 def _drift(swing: Swing, during: slice, joint: int) -> None:
@@ -119,6 +123,7 @@ FAULTS: dict[str, Fault] = {
     "none": _none,
     STANDS: _stuck,
     "an encoder 0.1 rad off": _slip,
+    "an encoder 0.01 rad off": _slip_a_little,
     "an encoder drifts by 0.1 rad/s": _drift,
     "an encoder times 1.1": _scaled,
     NOISY: _noisy,

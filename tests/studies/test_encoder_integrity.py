@@ -34,6 +34,13 @@ def test_no_observer_is_sure_and_wrong_of_an_arm_whose_encoder_fails_at_once(nam
     assert outcome.recovered < 5.5
 
 
+@pytest.mark.parametrize("name", ["momentum_observer", "high_gain"])
+def test_an_observer_that_predicts_well_finds_a_slip_of_twenty_deviations_of_its_encoder(name: str) -> None:
+    outcome = watched(Watched(name, "an encoder 0.01 rad off", 100, True))
+    assert outcome.position == outcome.rest == outcome.false == 0.0
+    assert outcome.detected < 0.05
+
+
 @pytest.mark.parametrize("name", QUICK)
 @pytest.mark.parametrize("fault", ["none", ONE_TURN])
 def test_an_encoder_that_is_good_is_not_doubted(name: str, fault: str) -> None:

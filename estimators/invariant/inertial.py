@@ -19,7 +19,8 @@ contradict it, it goes on from their place. An alarm does not say which sensor i
 larger as the innovations are, that of the biases most (see ``Strapdown.widen``), and the estimate is not OK for 30 s.
 What the fixes have leapt by is part of its covariance until they leap back, and it is DEGRADED while they may be late
 (``flight_leaps``).
-Gyro, accelerometer or fixes that repeat a reading which has noise are stuck, and left out as if they were silent. A
+Gyro, accelerometer or fixes that repeat a reading which has noise are stuck, and left out as if they were silent; where
+an accelerometer reads what the thrusts cannot do, they take its place (``thrust_test``). A
 rotation about the vertical shows in the fixes only while the vehicle accelerates sideways; the initial heading is the
 mission's.
 
@@ -46,6 +47,7 @@ from mathnavi.estimators.integrity.repeats import StuckImu
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
 from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
+from mathnavi.estimators.invariant.thrust_test import ThrustTest, unmodelled
 from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, waiting, worst
 from mathnavi.estimators.velocity.readings import OutlierCounter
@@ -65,7 +67,6 @@ from mathnavi.models.quaternion import rotation
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
-_UNMODELLED = 0.05  # [m/s^1.5] square root of the density of the acceleration that the declared motion lacks
 _UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
 _ASTRAY = 0.3, 10.0  # [m/s^2], [s] of the error of an acceleration by the IMU, of its attitude first of all
 _DOUBTED = 30.0  # [s] at least until an estimate is OK again that goes on by fixes which disagreed: they may go back
@@ -108,6 +109,7 @@ class InertialIekf:
         self._agreed = -math.inf  # [s] of the last fix that agreed
         self._begun = self._doubted = -math.inf  # [s] when it began again, and when its fixes began to disagree
         self._stuck_imu = StuckImu((mission.inertial.gyro, mission.inertial.accelerometer))
+        self._thrust_test = ThrustTest(mission)
         self._noisy_fixes = mission.flight.position_noise > 0.0
         self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
@@ -184,6 +186,9 @@ class InertialIekf:
                 if reading.t - strapdown.t > self._imu.longest:
                     self._coast(reading.t, command)
                 h = reading.t - strapdown.t
+                if self._monitored and self._thrust_test.replaces(strapdown, reading.t, reading.value, command):
+                    self._counts.add(Unused.OUTLIER)
+                    continue
                 strapdown.propagate(reading.t, reading.value)
                 self._stand(reading, h)
                 self._imu.note(reading.t)
@@ -256,9 +261,7 @@ class InertialIekf:
         _, A = propagation(X, turned / dt, force, self._gravity, dt)
         effect = np.zeros((9, 3))  # of a constant acceleration that the declared motion lacks
         effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
-        gust = self._mission.flight.gust
-        variance = (2.0 * gust.time_constant * gust.rms**2 + _UNMODELLED**2) / dt
-        noise = variance * effect @ effect.T
+        noise = unmodelled(self._mission, dt) * effect @ effect.T
         since, until = (at - strapdown.read for at in (strapdown.t, t))
         wandered = _deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
         wandered += _UNMODELLED_TURN**2 * (until**3 - since**3) / 3.0

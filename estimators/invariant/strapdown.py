@@ -77,6 +77,17 @@ class Strapdown:
         if dt > TIME_TOLERANCE:
             self._move(rate, force, dt, self._variances)
 
+    def propagate_by(self, t: float, gyro: Array, force: Array, variance: float) -> None:
+        """Propagate to t [s] > ``t`` by the gyro (3,) alone and a specific force (3,) that no accelerometer reads.
+
+        ``variance`` [m^2/s^4] is that of a component of its mean.
+        """
+        assert self.t is not None
+        dt, own = t - self.t, gyro - self.bias[:3]
+        rate = 0.5 * (self.rate + own)
+        self.t, self.rate, self._force, self.read = t, own, force.copy(), t
+        self._move(rate, force, dt, np.concatenate([self._variances[:3], np.full(3, variance)]), read=slice(0, 3))
+
     def hold(self, t: float, acceleration_max: float) -> bool:
         """Propagate to t [s] by the last reading; False if there was none.
 
@@ -97,13 +108,18 @@ class Strapdown:
             self._move(self.rate, self._force, dt, self._variances + changed)
         return True
 
-    def _move(self, rate: Array, force: Array, dt: float, variances: Array) -> None:
-        """Propagate over dt [s] by a rate and a specific force (3,), whose ``variances`` (6,) are of their means."""
+    def _move(self, rate: Array, force: Array, dt: float, variances: Array, read: slice = slice(0, 6)) -> None:
+        """Propagate over dt [s] by a rate and a specific force (3,), whose ``variances`` (6,) are of their means.
+
+        Those of the six that are ``read`` have the biases of the IMU.
+        """
         moved, A = propagation(self.X, rate, force, self._gravity, dt)
         G = np.zeros((9, 6))
         G[TURN, :3] = dt * SO3.right_jacobian(dt * rate)
         G[SPEED, 3:], G[PLACE, 3:] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
-        self.carry(moved, A, G * variances @ G.T, dt, G)
+        noise, biased = G * variances @ G.T, np.zeros_like(G)
+        biased[:, read] = G[:, read]
+        self.carry(moved, A, noise, dt, biased)
 
     def carry(self, moved: Array, A: Array, noise: Array, dt: float, G: Array | None = None) -> None:
         """Go on to X = ``moved`` (5, 5) dt [s] later, with xi <- A xi and a noise of a covariance (9, 9).

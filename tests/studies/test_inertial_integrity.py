@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.invariant.inertial import InertialIekf, InertialIekfConfig
+from mathnavi.interfaces.reading_counts import unused_in
 from mathnavi.interfaces.signals import Array, Status
 from mathnavi.studies.ranging.inertial_integrity import (
     BLOCKS,
     END,
     FAULTS,
+    FORCE,
     IMU,
     ONSET,
     PERIOD,
+    ImuFlight,
     _mission,
     _updates,
     _with_attitude,
@@ -67,3 +70,29 @@ def test_fixes_that_are_stuck_are_not_used_and_those_that_jump_are_doubted_until
     assert (ratios[t > END + 1.5, 0] < 3.0).all()
     t, ok, _ = under("fixes 10 m off", END)
     assert not ok[t > ONSET + 0.2].any()
+
+
+@pytest.mark.parametrize("fault", ["accelerometer in g", "accelerometer upside down"])
+def test_thrusts_take_the_place_of_an_accelerometer_that_reads_what_they_cannot_do(
+    fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The attitude of the gyro stays, and so does the estimate when the accelerometer is right again."""
+    monkeypatch.setitem(FAULTS, "accelerometer upside down", _upside_down)
+    t, ok, ratios = under(fault, END + 20.0)
+    assert not ok[(t > ONSET + 0.7) & (t < END)].any()
+    assert (ratios[t > ONSET + 0.2] < 4.5).all()
+    assert ok[t > END + 18.0].all()
+
+
+def _upside_down(flight: ImuFlight, during: slice, rng: np.random.Generator) -> None:
+    flight.imu[during, FORCE] *= -1.0
+
+
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_thrusts_that_are_others_than_assumed_do_not_condemn_an_accelerometer(share: float) -> None:
+    rng, mission = np.random.default_rng(100), _mission()
+    flight = flown(rng, mission, "none")
+    estimator = InertialIekf(InertialIekfConfig(), mission)
+    for t, imu, command, fixes in list(_updates(flight))[:1500]:
+        estimate = estimator.update(t, (*imu, *fixes), share * command)
+    assert not unused_in(estimate.extra)

@@ -20,8 +20,8 @@ spot.
 
     tr [F (P^-1 + sum_j F_j' H_j' (H_d / dt) R^-1 H_j F_j)^-1 F']                                (see ``kernels``),
 
-in which a metre weighs as much as a radian. ``SmallestSingularValue`` maximises, at the pose where the input begins,
-the least singular value of
+in which a metre weighs as much as a radian, by the beacons where the mission has some. ``SmallestSingularValue``
+maximises, at the pose where the input begins, the least singular value of
 
     O(x, u) = [d rho / dx; d rho_dot / dx],     rho_dot = (d rho / dx) f(x, u),
 
@@ -39,6 +39,7 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.controllers.active_sensing.kernels import (
+    DIFFERENCE,
     PredictionHorizon,
     RangeSensors,
     WallTable,
@@ -50,6 +51,7 @@ from mathnavi.controllers.active_sensing.kernels import (
 )
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.interfaces.signals import Array, Integers
+from mathnavi.models.unicycle.beacons import BeaconFieldMission
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import LEAST_NOISE, DrivePhase, RangingMission
 
@@ -69,13 +71,39 @@ class ExpectedCovariance:
         absolute = float(np.hypot(mission.ranging.absolute, LEAST_NOISE))
         spacing = horizon / nodes
         self._wall = WallTable(mission.curve.table, mission.curve.polyline)
-        self._sensors = RangeSensors(mission.rays, np.array([mission.ranging.relative, absolute]))
+        self._beacons = _beacon_table(mission, spacing)
+        rays = np.empty((0, 3)) if len(self._beacons) else mission.rays
+        self._sensors = RangeSensors(rays, np.array([mission.ranging.relative, absolute]))
         self._horizon = PredictionHorizon(spacing, nodes, spacing / mission.period * (1.0 - mission.ranging.dropout))
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:
-        traces = expected_traces(self._wall, self._sensors, self._horizon, belief.pose, belief.covariance, inputs, held)
+        traces = expected_traces(
+            self._wall, self._sensors, self._horizon, belief.pose, belief.covariance, inputs, held, self._beacons
+        )
         k = int(np.argmin(traces))
         return k, float(traces[k])
+
+
+def _beacon_table(mission: RangingMission, spacing: float) -> Array:
+    """What is read of the mission's beacons at known places (m, 8), see ``expected_covariance``, of nodes ``spacing``
+    [s] apart.
+    """
+    rows: list[list[float]] = []
+    if isinstance(mission, BeaconFieldMission):
+        beacons = mission.beacon_mission
+        often = spacing / (beacons.interval or beacons.period)
+        for kind, quality in enumerate(beacons.qualities):
+            if quality is None:
+                continue
+            absolute, count = math.hypot(quality.absolute, LEAST_NOISE), often * (1.0 - quality.dropout)
+            first = beacons.places[0]
+            rows += [
+                [kind, *place, *first, absolute, quality.relative, count]
+                for place in beacons.places[int(kind == DIFFERENCE) :]
+            ]
+    table = np.array(rows).reshape(-1, 8)
+    used = np.isfinite(table[:, 1:3]).all(axis=1) & ((table[:, 0] != DIFFERENCE) | np.isfinite(table[:, 3]))
+    return table[used]
 
 
 class SmallestSingularValue:

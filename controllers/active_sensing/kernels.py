@@ -7,6 +7,8 @@ at the last node is expected to have the covariance
     F_N (P^-1 + sum_j F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_N',    H_j = d rho / d x at x_j,   R_j = diag(var rho_i),
 
 which no process noise widens. A ray that misses the wall, or grazes it, carries no information.
+
+So it is with beacons, of which h is that of ``models.unicycle.beacons``. A robot that has some reads them alone.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, mou
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
 _ROUNDING = 1e-9  # [m]
+_AT_BEACON = 1e-3  # [m] from a beacon, within which it carries no information
+RANGE, BEARING, DIFFERENCE = range(3)  # kinds of readings of beacons
 
 
 class WallTable(NamedTuple):
@@ -59,11 +63,20 @@ class PredictionHorizon(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def expected_covariance(
-    wall: WallTable, sensors: RangeSensors, horizon: PredictionHorizon, pose: Array, P: Array, u: Array, held: int
+    wall: WallTable,
+    sensors: RangeSensors,
+    horizon: PredictionHorizon,
+    pose: Array,
+    P: Array,
+    u: Array,
+    held: int,
+    beacons: Array,
 ) -> tuple[Array, Array]:
     """Pose (3,) and covariance (3, 3) at the last node, from ``pose`` (3,) and P (3, 3) at the first.
 
-    The input u (2,) [m/s, rad/s] is held for ``held`` nodes; then the robot rests.
+    The input u (2,) [m/s, rad/s] is held for ``held`` nodes; then the robot rests. ``beacons`` (m, 8) are what is read
+    of beacons, each with its kind, its place and that of the one to which a difference is [m], the deviation of a
+    reading, absolute and by the distance, and the number of readings between two nodes.
     """
     coefficients, polyline = wall
     rays, noise = sensors
@@ -81,7 +94,34 @@ def expected_covariance(
             if math.isfinite(h_1 + h_2 + h_3):
                 row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
                 information += (readings / ((noise[0] * rho) ** 2 + noise[1] ** 2)) * np.outer(row, row)
+        for i in range(len(beacons)):
+            h_1, h_2, h_3, length = beacon_gradient(beacons[i], x)
+            row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
+            variance = beacons[i, 5] ** 2 + (beacons[i, 6] * length) ** 2
+            information += (beacons[i, 7] / variance) * np.outer(row, row)
     return x, F @ inverse(information) @ F.T
+
+
+@njit(cache=True, nogil=True)
+def beacon_gradient(beacon: Array, x: Array) -> tuple[float, float, float, float]:
+    """Gradient by a pose x (3,) of what is read of a ``beacon`` (8,), and the distance [m] on which its noise depends.
+
+    The gradient is zero at a beacon.
+    """
+    d_1, d_2 = beacon[1] - x[0], beacon[2] - x[1]
+    rho = math.hypot(d_1, d_2)
+    if rho < _AT_BEACON:
+        return 0.0, 0.0, 0.0, rho
+    e_1, e_2 = d_1 / rho, d_2 / rho
+    if beacon[0] == BEARING:
+        return e_2 / rho, -e_1 / rho, -1.0, rho
+    if beacon[0] == RANGE:
+        return -e_1, -e_2, 0.0, rho
+    f_1, f_2 = beacon[3] - x[0], beacon[4] - x[1]
+    first = math.hypot(f_1, f_2)
+    if first < _AT_BEACON:
+        return 0.0, 0.0, 0.0, rho
+    return f_1 / first - e_1, f_2 / first - e_2, 0.0, abs(rho - first)
 
 
 @njit(cache=True, nogil=True)
@@ -93,11 +133,12 @@ def expected_traces(
     P: Array,
     inputs: Array,
     held: Integers,
+    beacons: Array,
 ) -> Array:
     """Traces (m,) of the expected covariance after each of ``inputs`` (m, 2) [m/s, rad/s] for ``held`` (m,) nodes."""
     traces = np.empty(len(inputs))
     for m in range(len(inputs)):
-        _, covariance = expected_covariance(wall, sensors, horizon, pose, P, inputs[m], held[m])
+        _, covariance = expected_covariance(wall, sensors, horizon, pose, P, inputs[m], held[m], beacons)
         traces[m] = np.trace(covariance)
     return traces
 
@@ -231,7 +272,7 @@ SENSORS = named(RangeSensors, TWO, ONE)
 HORIZON = named(PredictionHorizon, float64, int64, float64)
 MOTION = (ONE, float64, float64, float64)  # pose, inputs and duration
 KERNELS: tuple[Signature, ...] = (
-    (expected_traces, (WALL, SENSORS, HORIZON, ONE, TWO, TWO, array(1, int64))),
+    (expected_traces, (WALL, SENSORS, HORIZON, ONE, TWO, TWO, array(1, int64), TWO)),
     (nodes_within, (WALL, TWO, float64, TWO, float64, int64)),
     (sigma_poses, (WALL, ONE, TWO, float64, float64)),
     (clearance, (WALL, float64, float64)),

@@ -14,7 +14,9 @@ separation is the largest, and beyond chance, the filter of all goes on from it 
 do those without a beacon. The last one trusts it then, from x_0 and scale errors as declared on. Where it was not
 separate for ``lasts`` seconds, and its scale errors stayed as declared, twice in sequence, all go on from it: in a part
 of the first the odometry may yet have been wrong. One that refuses many readings in sequence has lost its way, and
-begins at x_0. The level says nothing of a fault from before a filter has begun: it is part of the state then.
+begins at x_0, and so do all in the first ten seconds while the heading is not known to a tenth of a radian: they
+linearise at different poses, and would differ for that alone. The level says nothing of a fault from before a filter
+has begun: it is part of the state then.
 """
 
 from __future__ import annotations
@@ -39,6 +41,7 @@ _USUAL = float(chdtri(2, 0.05))  # square of scale errors as they are declared
 _TWICE, _READINGS = 2, 3
 _SEQUENCE, _DOUBTFUL = 8, 0.5  # readings that a filter refuses in sequence, by the probability that each is none
 _LEAST_VARIANCE = 1e-8
+_TURNED, _SETTLING = 0.1, 10.0  # [rad] of a heading, beyond which filters that linearise elsewhere differ; [s] at most
 _LEAST = 0.1  # of the covariance of all readings: the least variance of a separation, for filters linearise
 
 
@@ -68,6 +71,7 @@ class SolutionSeparation:
         self._x, self._P = np.empty((count, 0)), np.empty((count, 0, 0))
         self.mistrusts = False
         """whether the filter of all is to mistrust the odometry"""
+        self._unsettled = 0.0  # [s] for which all begin again while the heading is not known
         self._left, self._largest = 0.0, 0.0  # [s] for which the last one is tested, and its largest separation so far
         self._passed = 0  # such times in sequence that it has passed
         self._levels = np.full((count, 2), np.nan)
@@ -79,6 +83,10 @@ class SolutionSeparation:
 
     def begin(self, x: Array, P: Array) -> None:
         """Begin all at the state x (d,) of covariance P (d, d)."""
+        self._unsettled = _SETTLING
+        self._copy(x, P)
+
+    def _copy(self, x: Array, P: Array) -> None:
         count = len(self._beacons)
         self._x, self._P, self.mistrusts = np.tile(x, (count, 1)), np.tile(P, (count, 1, 1)), False
         self._recent[:], self._refused[:] = 0.0, 0
@@ -87,6 +95,7 @@ class SolutionSeparation:
         """Move all for h [s] with the odometry and the densities of its noise u (4,) held."""
         predict(self._x, self._P, u[0], u[1], h, u[2], u[3])
         self._left -= h
+        self._unsettled -= h
         those = slice(-1) if self.mistrusts else slice(-1, None)
         mistrust(self._x[those], self._P[those], h)
 
@@ -108,6 +117,10 @@ class SolutionSeparation:
         """Judge a state x (d,) of all readings with P (d, d); what to go on from where its odometry is wrong, or right
         again.
         """
+        if self._unsettled > 0.0 and P[2, 2] > _TURNED**2 and not self.mistrusts:
+            self._copy(x, P)
+        else:
+            self._unsettled = 0.0
         lost = self._refused >= _SEQUENCE
         if lost.any():
             self._x[lost], self._P[lost], self._refused[lost], self._recent[:, lost] = x, P, 0, 0.0

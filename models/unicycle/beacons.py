@@ -14,7 +14,7 @@ A reading is an array with an entry for each beacon, NaN where one is missing; b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -167,6 +167,11 @@ class BeaconFieldMission(RangingMission):
             self.beacons, odometry=self.odometry, start=self.start, speed_max=self.speed_max,
             turn_rate_max=self.turn_rate_max, period=self.period,
         )  # fmt: skip
+
+    @property
+    def wall_mission(self) -> RangingMission:
+        """Mission of a robot that reads the wall alone."""
+        return RangingMission(**{each.name: getattr(self, each.name) for each in fields(RangingMission)})
 
     def difference(self, x: Array, truth: Array) -> Array:
         """Estimate x (3,) minus the truth (3,) [m, m, rad]."""

@@ -75,7 +75,7 @@ class RangeLocalisation:
             known = _known_start(config, pose, mission.curve, parts.streams["start_errors"])
             mission = dataclasses.replace(mission, start=known)
 
-        stack = parts.stack(mission)
+        stack = parts.stack(_as_read(mission, parts))
         duration = round(config.duration / mission.period) * mission.period
         sensors = parts.sensors(_as_it_is(mission, config))
         _check_unknown(config, sensors, parts.estimator)
@@ -104,9 +104,20 @@ class RangeLocalisation:
         return dict(zip(POSE, error.T, strict=True))
 
 
+def _as_read(mission: RangingMission, parts: Assembler) -> RangingMission:
+    """Mission of the estimator and its planner: without beacons that the estimator does not read."""
+    if not isinstance(mission, BeaconFieldMission) or _reads_beacons(parts.asked(mission)):
+        return mission
+    return mission.wall_mission
+
+
+def _reads_beacons(sensors: Sequence[str]) -> bool:
+    return not set(sensors).isdisjoint(SENSORS.values())
+
+
 def _check_unknown(config: RangeLocalisationConfig, sensors: Sequence[Sensor], estimator: PluginSpec) -> None:
     """MissionError for beacons at unknown places that an estimator does not read."""
-    if config.beacons.unknown and {each.name for each in sensors}.isdisjoint(SENSORS.values()):
+    if config.beacons.unknown and not _reads_beacons([each.name for each in sensors]):
         raise MissionError(
             f"beacons.unknown = {config.beacons.unknown!r}: the estimator {called('estimators', estimator.name)} does "
             "not read beacons; allowed: one that does, such as beacon_bank"

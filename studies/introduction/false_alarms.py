@@ -32,6 +32,16 @@ MOST = 0.01  # of the time
 
 _KNOWN = {"start_known": True}
 _QUADRUPED = {"mechanism": "quadruped"}
+_FIXES = {"noise.position": 0.5}  # [m]
+_PLACES = [
+    (9000.0, 13000.0, 900.0), (13000.0, 9500.0, 420.0), (12500.0, 15500.0, 1500.0), (16500.0, 12500.0, 600.0),
+    (12500.0, 12500.0, 1700.0), (11000.0, 11500.0, 450.0),
+]  # fmt: skip
+_AMONG_BEACONS = {
+    "terrain": "jacksboro", "start": (11000.0, 11000.0, 900.0), "target": (13300.0, 12600.0, 900.0), "speed_max": 100.0,
+    "beacons.places": _PLACES, "estimator.fixes": False,
+}  # fmt: skip
+_LANDMARKS = {"beacons.places": [(2.5, 0.8), (-2.5, 0.9), (0.3, -1.2)]}
 VELOCITY = (
     "riemannian_observer", "high_gain", "lagrangian_ekf", "lagrangian_ukf", "momentum_observer", "filtered_differences",
 )  # fmt: skip
@@ -46,21 +56,34 @@ class Flown(NamedTuple):
     controller: str | None = None  # None for the scenario's own
 
 
+def _textbook(estimator: str, system: str) -> Flown:
+    return Flown("textbook-observer", estimator, {"noise": 0.01, "system": system})
+
+
 CASES = {
-    "flight: kalman": Flown("safe-flight", "kalman"),
+    **{f"flight: {name}": Flown("safe-flight", name) for name in ("kalman", "moving_horizon")},
+    "flight among beacons: kalman": Flown("safe-flight", "kalman", _AMONG_BEACONS),
     "fleet: kalman": Flown("simultaneous-arrival", "kalman"),
+    "quadrotor: inertial_iekf": Flown("quadrotor-canyon", "inertial_iekf", _FIXES),
     "missile: missile_kalman": Flown("missile-guidance", "missile_kalman"),
     **{f"ranging: {name}": Flown("range-localisation", name) for name in ("feasible_set_bank", "range_certified")},
     **{
         f"ranging: {name}": Flown("range-localisation", name, _KNOWN)
-        for name in ("range_ekf", "range_iekf", "range_ukf", "range_particle", "moving_horizon")
+        for name in ("range_ekf", "range_iekf", "range_ukf", "range_particle", "moving_horizon", "range_observer")
+    },
+    **{
+        f"beacons: {name}": Flown("range-localisation", name, _LANDMARKS)
+        for name in ("beacon_bank", "beacon_certified")
     },
     **{f"arm: {name}": Flown("arm-velocity", name) for name in VELOCITY},
     "servo-six: riemannian_observer": Flown("arm-velocity", "riemannian_observer", {"mechanism": "servo-six"}),
     "quadruped: floating_base_iekf": Flown("arm-velocity", "floating_base_iekf", _QUADRUPED, "input_signal"),
     **{f"sphere: {name}": Flown("sphere-observer", name) for name in VELOCITY if name != "momentum_observer"},
     **{f"attitude: {name}": Flown("attitude-tracking", name) for name in ("attitude_iekf", "riemannian_observer")},
-    "textbook: textbook_ekf": Flown("textbook-observer", "textbook_ekf", {"noise": 0.01}),
+    "textbook: textbook_ekf": _textbook("textbook_ekf", "example-2-2"),
+    "textbook: example_2_2": _textbook("example_2_2", "example-2-2"),
+    "textbook: output_injection": _textbook("output_injection", "krener-isidori"),
+    "textbook: kazantzis_kravaris": _textbook("kazantzis_kravaris", "kazantzis-kravaris"),
 }
 """scenarios with the estimators that fit them, by name"""
 

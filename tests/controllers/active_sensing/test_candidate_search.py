@@ -14,8 +14,9 @@ from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimat
 from mathnavi.controllers.active_sensing.candidate_search import Containment, ExpectedCovariance, candidates
 from mathnavi.interfaces.signals import Array, Estimate, PlanRequest, Status
 from mathnavi.models.field.curve import BEAN, EGG, Curve
+from mathnavi.models.unicycle.beacons import BeaconFieldMission, BeaconMission, BeaconQuality
 from mathnavi.models.unicycle.mission import DrivePhase
-from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
+from tests.controllers.active_sensing.robots import FIELD, START, TWO, assert_well_formed, built, fly, knowing, mission
 
 MODES = ("active", "singular-value", "random")
 CURVES = (FIELD, EGG, BEAN)
@@ -59,6 +60,21 @@ def test_two_sensors_are_not_left_standing_still_by_who_is_unsure() -> None:
         still = active.best(Belief(pose, 0.09 * np.eye(3)), np.zeros((1, 2)), np.full(1, 10))[1]
         assert inputs[k, 0] != 0.0
         assert score < 0.5 * still
+
+
+def test_who_reads_beacons_moves_to_find_its_heading_rather_than_turn_rays_that_it_does_not_read() -> None:
+    """Turning on the spot changes no range to a beacon; the robot that reads the wall learns by it."""
+    places = ((2.5, 0.8), (-2.5, 0.9), (0.3, -1.2))
+    among = BeaconFieldMission(FIELD, TWO, beacons=BeaconMission(places, ranges=BeaconQuality(0.1), interval=0.1))
+    belief = Belief(START, np.diag([0.01, 0.01, 0.5]) ** 2)
+    inputs, held = np.array([[0.0, 2.0], [0.5, 0.0]]), np.array([10, 10])
+    scores = {
+        kind: [ExpectedCovariance(task, 1.0, 10).best(belief, inputs[k : k + 1], held[:1])[1] for k in range(2)]
+        for kind, task in (("wall", among.wall_mission), ("beacons", among))
+    }
+    assert scores["wall"][0] < 0.1 * 0.25
+    assert scores["beacons"][0] > 0.99 * 0.25
+    assert scores["beacons"][1] < 0.2 * 0.25
 
 
 @pytest.mark.parametrize("mode", MODES)

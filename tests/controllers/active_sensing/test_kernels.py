@@ -10,6 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.active_sensing.kernels import (
+    BEARING,
+    DIFFERENCE,
+    RANGE,
     PredictionHorizon,
     RangeSensors,
     WallTable,
@@ -23,6 +26,7 @@ from mathnavi.controllers.active_sensing.kernels import (
 )
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.field.curve import BEAN, EGG, Curve
+from mathnavi.models.unicycle.beacons import exact_readings
 from mathnavi.models.unicycle.kernels import rays_at
 from tests.controllers.active_sensing.robots import FIELD, TWO, mission
 
@@ -30,6 +34,7 @@ CURVES = [FIELD, EGG, BEAN]
 NOISE = np.array([0.05, 1e-3])
 ANGLES = np.array(TWO)
 SENSORS = RangeSensors(rays_at(ANGLES), NOISE)
+NO_BEACONS = np.empty((0, 8))
 curves = st.sampled_from(CURVES)
 seeds = st.integers(0, 2**32 - 1)
 
@@ -68,8 +73,41 @@ def test_the_expected_covariance_is_that_of_the_formula(curve: Curve, held: int)
         R = np.diag(np.square(NOISE[0] * ranges(curve, node(j, pose))) + NOISE[1] ** 2)
         information = information + HF.T @ (n * np.linalg.inv(R)) @ HF
     F = slopes(lambda x: node(10, x), pose)
-    x, found = expected_covariance(wall_of(curve), SENSORS, PredictionHorizon(h, 10, float(n)), pose, P, u, held)
+    x, found = expected_covariance(
+        wall_of(curve), SENSORS, PredictionHorizon(h, 10, float(n)), pose, P, u, held, NO_BEACONS
+    )
     np.testing.assert_allclose(x, node(10, pose), atol=1e-12)
+    np.testing.assert_allclose(found, F @ np.linalg.inv(information) @ F.T, rtol=1e-5, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [RANGE, BEARING, DIFFERENCE])
+def test_what_beacons_tell_is_that_of_the_formula(kind: int) -> None:
+    places, noise = np.array([[2.5, 0.8], [-2.5, 0.9], [0.3, -1.2]]), (0.1, 0.02)
+    pose, P, u, h, often = (
+        np.array([0.3, 0.1, 0.8]),
+        covariance(np.random.default_rng(1), 0.2),
+        np.array([0.6, -0.9]),
+        0.1,
+        2.0,
+    )
+    read = places[int(kind == DIFFERENCE) :]
+    table = np.array([[kind, *place, *places[0], *noise, often] for place in read])
+
+    def node(j: int, x: Array) -> Array:
+        return mission().flow(x, u, j * h)
+
+    def readings(x: Array) -> Array:
+        return exact_readings(places, kind, x)[len(places) - len(read) :]
+
+    information = np.linalg.inv(P)
+    for j in range(1, 11):
+        at = node(j, pose)
+        length = exact_readings(places, 0, at) if kind == BEARING else np.abs(readings(at))
+        H = slopes(lambda x, j=j: readings(node(j, x)), pose)
+        information = information + H.T @ np.diag(often / (noise[0] ** 2 + (noise[1] * length) ** 2)) @ H
+    F = slopes(lambda x: node(10, x), pose)
+    blind = RangeSensors(np.empty((0, 3)), NOISE)
+    _, found = expected_covariance(wall_of(FIELD), blind, PredictionHorizon(h, 10, 1.0), pose, P, u, 10, table)
     np.testing.assert_allclose(found, F @ np.linalg.inv(information) @ F.T, rtol=1e-5, atol=1e-9)
 
 
@@ -77,9 +115,9 @@ def test_the_trace_is_that_of_the_expected_covariance_of_each_input() -> None:
     pose, P = np.array([0.3, 0.1, 0.8]), covariance(np.random.default_rng(2), 0.2)
     inputs, held = np.array([[0.5, 0.2], [0.0, -1.0], [-1.0, 0.0]]), np.array([10, 3, 1])
     wall, horizon = wall_of(FIELD), PredictionHorizon(0.1, 10, 10.0)
-    traces = expected_traces(wall, SENSORS, horizon, pose, P, inputs, held)
+    traces = expected_traces(wall, SENSORS, horizon, pose, P, inputs, held, NO_BEACONS)
     for trace, u, n in zip(traces, inputs, held, strict=True):
-        _, expected = expected_covariance(wall, SENSORS, horizon, pose, P, u, int(n))
+        _, expected = expected_covariance(wall, SENSORS, horizon, pose, P, u, int(n), NO_BEACONS)
         assert trace == pytest.approx(np.trace(expected), rel=1e-12)
 
 

@@ -38,6 +38,21 @@ def test_the_robot_finds_itself_by_beacons_in_the_loop() -> None:
     assert np.isfinite(bearings[read]).all()
 
 
+NEAR: dict[str, Any] = {"beacons.places": ((2.5, 0.8), (-2.5, 0.9), (0.3, -1.2))}
+
+
+def test_a_robot_near_the_wall_moves_to_find_its_heading_by_beacons() -> None:
+    run = mn.run("range-localisation", seed=7000, estimator="beacon_bank", duration=4.0, **NEAR)
+    assert run.summary["convergence_time_s"] < 2.0
+    assert run.summary["degraded_s"] == run.summary["lost_s"] == 0.0
+
+
+def test_filters_that_begin_without_a_heading_raise_no_alarm() -> None:
+    run = mn.run("range-localisation", seed=7005, estimator="beacon_bank", duration=4.0, **NEAR)
+    assert run.summary["initialising_s"] < 1.0
+    assert run.summary["degraded_s"] == run.summary["lost_s"] == 0.0
+
+
 def test_beacons_are_sites_of_the_model() -> None:
     spec = RunSpec.of("range-localisation", 1, estimator="beacon_bank", fields={"beacons.places": PLACES})
     model = spec.build().plant.model  # type: ignore[attr-defined]

@@ -36,7 +36,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 from scipy.special import chdtri
 
 from mathnavi.estimators.flight_leap_filters import FixRows
@@ -44,9 +43,11 @@ from mathnavi.estimators.flight_leaps import Leaps
 from mathnavi.estimators.flight_model import AxisModel
 from mathnavi.estimators.integrity.innovations import LATCHED, InnovationMonitor
 from mathnavi.estimators.integrity.repeats import StuckImu
+from mathnavi.estimators.invariant.hover import first_covariance, imu_deviations, stationary
+from mathnavi.estimators.invariant.imu_noise import ImuNoise
 from mathnavi.estimators.invariant.lie_groups import SE23, SO3, quaternion
 from mathnavi.estimators.invariant.rest import Rest
-from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation, trusted
+from mathnavi.estimators.invariant.strapdown import PLACE, SPEED, TURN, Strapdown, propagation
 from mathnavi.estimators.invariant.thrust_test import ThrustTest, unmodelled
 from mathnavi.estimators.kalman_steps import condition
 from mathnavi.estimators.timeout_monitor import FARTHEST, TimeoutMonitor, is_late, waiting, worst
@@ -58,13 +59,10 @@ from mathnavi.interfaces.observer_properties import Domain, InputDependence, Obs
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
 from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
-from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality
-from mathnavi.models.linear_noise import discretised
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, VELOCITY
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.quaternion import rotation
-from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
 _UNMODELLED_TURN = 0.02  # [rad/s^1.5] likewise, of the angular acceleration
@@ -111,19 +109,24 @@ class InertialIekf:
         self._stuck_imu = StuckImu((mission.inertial.gyro, mission.inertial.accelerometer))
         self._thrust_test = ThrustTest(mission)
         self._noisy_fixes = mission.flight.position_noise > 0.0
-        self._R = _fix_deviation(config, mission) ** 2 * np.eye(3)
+        fix_deviation = _fix_deviation(config, mission)
+        self._R = fix_deviation**2 * np.eye(3)
         x, imu = mission.start_state, mission.inertial
         X = SE23.from_parts(rotation(x[ATTITUDE]), x[VELOCITY], x[POSITION])
         self._gravity = np.array([0.0, 0.0, -mission.vehicle.gravity])
         noise = (imu.gyro, imu.accelerometer)
         biases = (imu.gyro_bias, imu.accelerometer_bias)
-        self._strapdown = Strapdown(X, _first(config, mission), x[RATE], self._gravity, noise, biases)
+        _, axis = stationary(mission, config.timeout, fix_deviation)
+        P = first_covariance(axis, config.start_attitude, config.start_velocity)
+        self._strapdown = Strapdown(X, P, x[RATE], self._gravity, noise, biases)
+        self._imu_noise = ImuNoise(self._strapdown.variances)
         at_rest = self._strapdown.has_biases and config.start_velocity is None
         self._rest = Rest(noise, mission.vehicle.gravity) if at_rest else None
         self._innovations = np.full((2, 3), np.nan)  # of the last fix, and their deviations
         self._H = np.eye(3, len(self._strapdown.P), 6)  # a fix reads the position
-        fix_std = _fix_deviation(config, mission)
-        self._leaps = Leaps(AxisModel(*_ASTRAY, fix_std), FixRows(fix_std**2), 1.0 / mission.flight.position_rate)
+        self._leaps = Leaps(
+            AxisModel(*_ASTRAY, fix_deviation), FixRows(fix_deviation**2), 1.0 / mission.flight.position_rate
+        )
         self._since = x[VELOCITY].copy(), math.nan  # [m/s] velocity after the last fix, and its time [s]
 
     @staticmethod
@@ -149,8 +152,9 @@ class InertialIekf:
                 f"inertial = {mission.inertial}; allowed where plans are certified from the estimates: biases of 0, "
                 "for the heading of a vehicle that hovers is not bounded"
             )
-        interval, before, R = _stationary(config, mission)
-        correction = np.outer(before[:2, 0], before[:2, 0]) / ((before[0, 0] + R) * interval)
+        fix_deviation = _fix_deviation(config, mission)
+        interval, before = stationary(mission, config.timeout, fix_deviation)
+        correction = np.outer(before[:2, 0], before[:2, 0]) / ((before[0, 0] + fix_deviation**2) * interval)
         error, driving = np.zeros((3, 3)), EstimateQuality.exact(mission.flight.gust).driving
         error[:2, :2] = before[:2, :2]
         driving[:2, :2] += correction
@@ -186,6 +190,8 @@ class InertialIekf:
                 if reading.t - strapdown.t > self._imu.longest:
                     self._coast(reading.t, command)
                 h = reading.t - strapdown.t
+                if self._monitored:
+                    strapdown.read_with(*self._imu_noise.take(reading.t, reading.value))
                 if self._monitored and self._thrust_test.replaces(strapdown, reading.t, reading.value, command):
                     self._counts.add(Unused.OUTLIER)
                     continue
@@ -223,6 +229,8 @@ class InertialIekf:
         status = self._monitor.status(t)
         if status is Status.OK and t - self._doubted < _DOUBTED:
             return "goes on by fixes that disagreed with it", Status.DEGRADED
+        if status is Status.OK and self._imu_noise.contradicted:
+            return "has an IMU that is noisier than declared", Status.DEGRADED
         if status is Status.OK and (doubt := self._leaps.doubt("fixes")):
             return doubt, Status.DEGRADED
         return self._monitor.message, status
@@ -263,7 +271,7 @@ class InertialIekf:
         effect[SPEED], effect[PLACE] = dt * np.eye(3), 0.5 * dt * dt * np.eye(3)
         noise = unmodelled(self._mission, dt) * effect @ effect.T
         since, until = (at - strapdown.read for at in (strapdown.t, t))
-        wandered = _deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
+        wandered = imu_deviations(self._mission)[0] ** 2 * (until**2 - since**2)  # by the error of the last rate
         wandered += _UNMODELLED_TURN**2 * (until**3 - since**3) / 3.0
         noise[TURN, TURN] += wandered * np.eye(3)
         strapdown.carry(moved, A, noise, dt)
@@ -349,46 +357,6 @@ class InertialIekf:
         P[SPEED, SPEED] += off**2 * np.eye(3)
         self._monitor.begin_again()
         self._agreed = self._begun = reading.t
-
-
-def _stationary(config: InertialIekfConfig, mission: QuadrotorMission) -> tuple[float, Array, float]:
-    """Time [s] between fixes, covariance (3, 3) of (p, v, tilt) along an axis just before one, variance of a fix.
-
-    In hover, p' = v, v' = g tilt + force, tilt' = gyro. The vehicle accelerates by up to a_max, and an error of its
-    heading then acts like an error of its tilt: g is the length of both accelerations together.
-    """
-    flight, (gyro, force) = mission.flight, _deviations(mission)
-    interval = longest_gap(1.0 / flight.position_rate, flight.dropout_rate, config.timeout)
-    g = math.hypot(mission.vehicle.gravity, flight.acceleration_max)
-    model = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, g], [0.0, 0.0, 0.0]])
-    F, Q = discretised(model, np.diag([0.0, force**2 * TICK, gyro**2 * TICK]), interval)
-    R = _fix_deviation(config, mission) ** 2
-    before = solve_discrete_are(F.T, np.array([[1.0], [0.0], [0.0]]), Q, np.array([[R]]))
-    return interval, 0.5 * (before + before.T), R
-
-
-def _first(config: InertialIekfConfig, mission: QuadrotorMission) -> Array:
-    """Initial covariance (9, 9): the stationary one, except where the configuration gives a standard deviation.
-
-    Anything wider would let the first fixes move the estimate by more than the declared quality says.
-    """
-    _, axis, _ = _stationary(config, mission)
-    P = np.zeros((9, 9))
-    for k in range(3):
-        P[np.ix_([6 + k, 3 + k], [6 + k, 3 + k])] = axis[:2, :2]
-        P[k, k] = axis[2, 2]
-    for k, tilt, sign in ((0, 1, 1.0), (1, 0, -1.0)):  # xi_v' = xi_turn x f
-        P[[6 + k, 3 + k], tilt] = P[tilt, [6 + k, 3 + k]] = sign * axis[2, :2]
-    for part, stated in ((TURN, config.start_attitude), (SPEED, config.start_velocity)):
-        if stated is not None:
-            P[part], P[:, part] = 0.0, 0.0
-            P[part, part] = stated**2 * np.eye(3)
-    return P
-
-
-def _deviations(mission: QuadrotorMission) -> tuple[float, float]:
-    """Standard deviations [rad/s, m/s^2] of a reading of the IMU."""
-    return trusted((mission.inertial.gyro, mission.inertial.accelerometer))
 
 
 def _fix_deviation(config: InertialIekfConfig, mission: QuadrotorMission) -> float:

@@ -67,7 +67,8 @@ class Strapdown:
         self._force: Array | None = None  # (3,) [m/s^2] of the last reading
         self.read = 0.0  # [s] of it
         self._gravity = gravity
-        self._variances = np.repeat(np.square(trusted(deviations)), 3)
+        self.variances = np.repeat(np.square(trusted(deviations)), 3)
+        """variances (6,) [rad^2/s^2, m^2/s^4] that a reading is used with"""
 
     def propagate(self, t: float, reading: Array) -> None:
         """Propagate to t [s] by a reading (6,) of the IMU there; the first one only sets the time and the rate."""
@@ -75,7 +76,16 @@ class Strapdown:
         dt, rate = 0.0 if self.t is None else t - self.t, 0.5 * (self.rate + gyro)
         self.t, self.rate, self._force, self.read = t, gyro.copy(), force.copy(), t
         if dt > TIME_TOLERANCE:
-            self._move(rate, force, dt, self._variances)
+            self._move(rate, force, dt, self.variances)
+
+    def read_with(self, variances: Array, harm: Array | None) -> None:
+        """Use readings with ``variances`` (6,) from now on; ``harm`` (6,) [rad^2, m^2/s^2] are those of the turn and of
+        the velocity that earlier ones may have caused beyond what is counted.
+        """
+        self.variances = variances
+        if harm is not None:
+            self.P[TURN, TURN] += np.diag(harm[:3])
+            self.P[SPEED, SPEED] += np.diag(harm[3:])
 
     def propagate_by(self, t: float, gyro: Array, force: Array, variance: float) -> None:
         """Propagate to t [s] > ``t`` by the gyro (3,) alone and a specific force (3,) that no accelerometer reads.
@@ -86,7 +96,7 @@ class Strapdown:
         dt, own = t - self.t, gyro - self.bias[:3]
         rate = 0.5 * (self.rate + own)
         self.t, self.rate, self._force, self.read = t, own, force.copy(), t
-        self._move(rate, force, dt, np.concatenate([self._variances[:3], np.full(3, variance)]), read=slice(0, 3))
+        self._move(rate, force, dt, np.concatenate([self.variances[:3], np.full(3, variance)]), read=slice(0, 3))
 
     def hold(self, t: float, acceleration_max: float) -> bool:
         """Propagate to t [s] by the last reading; False if there was none.
@@ -105,7 +115,7 @@ class Strapdown:
             walked = (until**3 - since**3) / (3.0 * dt * dt * _CHANGE)
             changed = walked * np.repeat((_TURN_RATE**2, acceleration_max**2), 3)
             self.t = end
-            self._move(self.rate, self._force, dt, self._variances + changed)
+            self._move(self.rate, self._force, dt, self.variances + changed)
         return True
 
     def _move(self, rate: Array, force: Array, dt: float, variances: Array, read: slice = slice(0, 6)) -> None:

@@ -25,10 +25,10 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
+from mathnavi.estimators.integrity.smoothness import POINTS, cubic_weights
 from mathnavi.estimators.integrity.windows import CLIP, Flags, Thresholds, Windows
 from mathnavi.estimators.velocity.encoder_faults import EncoderErrors, EncoderFaults
 from mathnavi.estimators.velocity.readings import innovation, reading_variance, rounding_steps
@@ -39,9 +39,6 @@ from mathnavi.models.manifold.manifold import quaternion_parts, turn_starts
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
-_POINTS = 4  # of the cubic
-_EVEN = np.array([4.0, -6.0, 4.0, -1.0])  # its weights for readings that are evenly spaced, the newest first
-_UNEVEN = 1e-3  # of a step of time, beyond which readings are not evenly spaced
 _FEWEST, _BLOCKS = 50, 4  # readings from which noise is known, and numbers of as many of which the quietest counts
 _MEMORY = 200.0  # readings of the means
 _CLIP = 25.0  # times a mean, beyond which a square counts no more
@@ -119,7 +116,7 @@ class ReadingErrors:
         """encoders that repeat themselves or leap: of the k slides and hinges, and then three of each attitude"""
         self.joint_errors = np.zeros(len(scalars))
         """the larger of deviation and step (k,) [rad, m] of the encoders of slides and hinges; 0 while not known"""
-        self._past: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (t, y), the newest last
+        self._past: deque[tuple[float, Array]] = deque(maxlen=POINTS)  # (t, y), the newest last
         self._smooth, self._predicted = np.zeros(n), np.zeros(n)  # means of r^2 / c and of L^2
         self._squares, self._blocks = np.zeros(n), deque[Array](maxlen=_BLOCKS)  # sum and means of r^2 / c, by block
         self._count, self._innovations = 0, 0
@@ -198,7 +195,7 @@ class ReadingErrors:
             self.faults.forget()
         if past:
             self._encoders.read(y[self._places] - past[-1][1][self._places])
-        r = self._residual(t, y) if len(past) == _POINTS else None
+        r = self._residual(t, y) if len(past) == POINTS else None
         past.append((t, y))
         self._newest = r
         if r is None:
@@ -259,16 +256,7 @@ class ReadingErrors:
 
     def _residual(self, t: float, y: Array) -> Array | None:
         """r / sqrt(c) (n,) of a reading y (size,) of t [s]; None where a reading before it has no coordinates."""
-        at = [t, *(each for each, _ in reversed(self._past))]
-        gap = at[0] - at[1]
-        if all(abs(after - before - gap) <= _UNEVEN * gap for after, before in pairwise(at)):
-            weights = _EVEN
-        else:
-            times = np.array(at[1:])
-            others = times[:, np.newaxis] - times + np.eye(_POINTS)
-            ahead = (t - times) * np.ones((_POINTS, 1))
-            np.fill_diagonal(ahead, 1.0)
-            weights = np.prod(ahead / others, axis=1)
+        weights = cubic_weights([t, *(each for each, _ in reversed(self._past))])
         points = [innovation(self._manifold, y, p) for _, p in reversed(self._past)]
         if any(each is None for each in points):
             return None
@@ -301,12 +289,12 @@ class ReadingErrors:
 
     def _test(self, y: Array, r: Array, L: Array) -> None:
         """Test what is declared by every fifth reading."""
-        if self._count % (_POINTS + 1):
+        if self._count % (POINTS + 1):
             return
         if self._tested is None or self._windows is None:
             rounding = np.square(rounding_steps(self._mission, y))
             self._tested = reading_variance(self._mission, y) + rounding * (1.0 / 4.0 - 1.0 / 12.0)
-            period = (_POINTS + 1) * self._mission.period
+            period = (POINTS + 1) * self._mission.period
             kappa = 1.0 + CLIP**2 * self._mission.reading.jump  # with the outliers that are declared
             self._windows = Windows(Thresholds.of(len(r), period, _WINDOWS), len(r), kappa)
         e = np.minimum(np.abs(r), np.abs(L)) / np.sqrt(self._tested)

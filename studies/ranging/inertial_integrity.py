@@ -44,6 +44,7 @@ BLOCKS = (slice(0, 3), slice(3, 6), slice(6, 9))
 """of a state: position, velocity and attitude"""
 MOVED, FAR, LATE, SILENT = 20.0, 20.0, 0.5, 3.0  # [m], [m], [s], [s]
 AWAY, FAR_START, NOISY = "carried away 20 m", "first fix 20 m off the start", "noise of fixes times 3"
+SHAKEN, SEEN = "noise of the IMU times 10", 0.5  # [s] of readings in which that is beyond chance
 SETTING = (
     f"Nor is there one by an IMU and fixes: a quadrotor that swings and turns for {DURATION:g} s reads its IMU "
     f"{1.0 / PERIOD:g} times a second, with deviations of {IMU.gyro:g} rad/s and {IMU.accelerometer:g} m/s^2, and "
@@ -125,6 +126,10 @@ def _noisy(flight: ImuFlight, during: slice, rng: np.random.Generator) -> None:
     flight.fixes[during] += 2.0 * flight.fix_noise[during]
 
 
+def _shaken(flight: ImuFlight, during: slice, rng: np.random.Generator) -> None:
+    flight.imu[during] += 9.0 * flight.noise[during]
+
+
 def _doubled(flight: ImuFlight, during: slice, rng: np.random.Generator) -> None:
     """Every second fix is the one before, with a later time stamp."""
     own = flight.fixes[during]
@@ -146,6 +151,7 @@ FAULTS: dict[str, Fault] = {
     "fixes drift": _drift,
     "fixes 0.5 s late": _late,
     NOISY: _noisy,
+    SHAKEN: _shaken,
     "every fix twice": _doubled,
     AWAY: _none,  # the vehicle itself, not its readings
     FAR_START: _none,  # likewise, from the beginning
@@ -280,7 +286,7 @@ def _with_attitude(estimate: Estimate, R: Array) -> Estimate:
 
 def findable(mission: QuadrotorMission, faulty: ImuFlight, quiet: ImuFlight, during: slice, fault: str) -> Flags:
     """True (n,) from the update on at which a fault can be found in the fixes, of a flight without noise; as among
-    the other flights.
+    the other flights. Noise of the IMU can be found in its own readings.
     """
     e = _innovations(mission, faulty)
     if fault not in (AWAY, FAR_START):  # of the truth itself, which has no flight without it
@@ -289,6 +295,8 @@ def findable(mission: QuadrotorMission, faulty: ImuFlight, quiet: ImuFlight, dur
     rho[during] = 9.0 if fault == NOISY else 1.0  # the fixes are nearly all of the variance of an innovation
     read = np.flatnonzero(np.isfinite(e[:, 0]))
     chance[read] = by_windows(e[read], rho[read], InnovationMonitor("fixes", 3, EVERY * PERIOD).thresholds)
+    if fault == SHAKEN:
+        chance[during.start + round(SEEN / PERIOD) :] = 1.0
     return from_onset(chance, during.start)
 
 

@@ -84,6 +84,14 @@ def test_thrusts_take_the_place_of_an_accelerometer_that_reads_what_they_cannot_
     assert ok[t > END + 18.0].all()
 
 
+def test_an_imu_that_is_shaken_is_noisier_than_declared_and_used_as_such() -> None:
+    t, ok, ratios = under("noise of the IMU times 10", END + 5.0)
+    assert ok[t < ONSET].all()
+    assert not ok[(t > ONSET + 0.5) & (t < END)].any()
+    assert (ratios[t > ONSET + 0.5] < 4.5).all()
+    assert ok[t > END + 2.5].all()
+
+
 def _upside_down(flight: ImuFlight, during: slice, rng: np.random.Generator) -> None:
     flight.imu[during, FORCE] *= -1.0
 

@@ -101,9 +101,9 @@ def _beacon_table(mission: RangingMission, spacing: float) -> Array:
                 [kind, *place, *first, absolute, quality.relative, count]
                 for place in beacons.places[int(kind == DIFFERENCE) :]
             ]
-    table = np.array(rows).reshape(-1, 8)
+    table: Array = np.array(rows, np.float64).reshape(-1, 8)
     used = np.isfinite(table[:, 1:3]).all(axis=1) & ((table[:, 0] != DIFFERENCE) | np.isfinite(table[:, 3]))
-    return table[used]
+    return np.asarray(table[used], np.float64)
 
 
 class SmallestSingularValue:

@@ -17,7 +17,8 @@ encoder has leapt by d if that is beyond 8 of its deviations, declared or shown,
 reading to reading, and what an acceleration of 2000 rad/s^2 or m/s^2 can do. A motion that is more sudden, as that of
 a light finger against a stop, is none if the observer has predicted more than 0.3 |d| of it. What it has not may be
 less: beyond 8 deviations, four times what its predictions were off at most lately, and the second differences of the
-readings on either side, which any motion with a bounded acceleration shows.
+readings on either side, which any motion with a bounded acceleration shows. In contact, or where none is known of, a
+joint may be bumped between readings: then d is also beyond what 5 rad/s or m/s do in that time, and never less.
 
 Either place may be the right one: |d|, or the sum of several leaps, is a deviation of the position until it leaps back,
 to a tenth of the largest or within 8 deviations.
@@ -54,6 +55,7 @@ _GAP = 2.1  # intervals between readings, of which one is missing, with some jit
 _STUCK_FOR, _LEAPT_FOR = 1.0, 5.0  # [s] of doubt after a repetition, and after a leap
 _FEWEST = 100  # readings that were predicted, from which on predictions count
 _KEPT, _TIMES, _PREDICTED = 0.998, 4.0, 0.3  # of the largest error from reading to reading; times it; share of a leap
+_BUMP = 5.0  # [rad/s, m/s] of a joint that is bumped
 _ALIKE, _SEEN, _LATE, _IN_TIME = 4.0, 8.0, 2, 0.3  # deviations; encoders that show a delay; share of it
 
 
@@ -80,6 +82,7 @@ class EncoderFaults:
         self._leap, self._largest = np.zeros(k), np.zeros(k)  # of this reading, and of all so far
         self._lines = np.zeros((5, k))  # of this reading, see ``leaps``
         self._off = np.full((2 * _SIDE, k), np.nan)  # of the readings, what was not predicted
+        self._free = 0  # readings in sequence without contacts
         self._usual, self._predicted = np.zeros(k), 0  # the largest of it lately, and the number of predictions
         self.delay = 0.0
         """time [s] by which all readings are late"""
@@ -102,13 +105,18 @@ class EncoderFaults:
             return self._doubt
         return f"has readings that are {self.delay:.3f} s late" if self.delay else ""
 
-    def read(self, t: float, y: Array, errors: EncoderErrors, off: Array | None = None) -> None:
-        """Take readings y (k,) of t [s] with their ``errors``, ``off`` (k,) from what was predicted, if it was."""
+    def read(
+        self, t: float, y: Array, errors: EncoderErrors, off: Array | None = None, *, touching: bool = False
+    ) -> None:
+        """Take readings y (k,) of t [s] with their ``errors``, ``off`` (k,) from what was predicted, if it was; whether
+        joints or bodies were ``touching`` something.
+        """
         if self._count and not 0.0 < t - self._times[-1] <= self._gap:
             self._count = 0
         self._times[:-1], self._readings[:-1] = self._times[1:], self._readings[1:]
         self._times[-1], self._readings[-1] = t, y
         self._expect(off)
+        self._free = 0 if touching else self._free + 1
         self._count += 1
         if self._count < 2:
             self.repeats[:] = 0.0
@@ -123,6 +131,8 @@ class EncoderFaults:
         leaps(self._times, self._readings, variance, self._leap, self._lines)
         if self._predicted >= _FEWEST:
             self._unpredicted(variance)
+        if self._free < 2 * _SIDE:
+            self._leap[np.abs(self._leap) <= _BUMP * (self._times[_SIDE] - self._times[_SIDE - 1])] = 0.0
         if self.offset.any():
             d, known = self._lines[0], _DEVIATIONS * np.sqrt(variance)
             within = np.abs(self.offset + d) <= np.maximum(_BACK * self._largest, known)
@@ -155,8 +165,9 @@ class EncoderFaults:
         d, off, known = self._lines[0], self._off[_SIDE], _DEVIATIONS * np.sqrt(self._lines[2] * variance)
         limit = np.maximum(np.maximum(known, self._lines[4]), _TIMES * self._usual)
         unpredicted = np.abs(off - d) <= _PREDICTED * np.abs(d)
-        found = (np.abs(d) > limit) & unpredicted
-        self._leap[found] = d[found]
+        if self._free >= 2 * _SIDE:
+            found = (np.abs(d) > limit) & unpredicted
+            self._leap[found] = d[found]
         self._leap[~unpredicted] = 0.0
 
     def _repeat(self, t: float, same: Flags, errors: EncoderErrors) -> None:

@@ -37,6 +37,7 @@ from mathnavi.interfaces.signals import Array, Estimate, Status
 from mathnavi.models.manifold.attitude import ambient
 from mathnavi.models.manifold.manifold import quaternion_parts, turn_starts
 from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.system import SteppedSystem
 from mathnavi.models.mechanism.geometry import MechanismManifold
 
 _FEWEST, _BLOCKS = 50, 4  # readings from which noise is known, and numbers of as many of which the quietest counts
@@ -96,7 +97,7 @@ class ReadingErrors:
     """Variances and steps of the coordinates of a mission's readings, declared or found."""
 
     def __init__(self, mission: LagrangianMission) -> None:
-        self._mission, self._manifold = mission, mission.system.manifold
+        self._mission, self._system, self._manifold = mission, mission.system, mission.system.manifold
         n = self._manifold.dimension
         self.declared = mission.reading.noise > 0.0 or mission.reading.resolution > 0
         """whether the mission declares any"""
@@ -237,7 +238,8 @@ class ReadingErrors:
         least = np.minimum.reduce(self._blocks)[at]
         readings = used * np.concatenate([y[self._places], self._turns])
         unpredicted = None if off is None else used * off[at]
-        self.faults.read(t, readings, EncoderErrors(noise, shown, least, steps), unpredicted)
+        touching = isinstance(self._system, SteppedSystem) and self._system.touching > 0
+        self.faults.read(t, readings, EncoderErrors(noise, shown, least, steps), unpredicted, touching=touching)
         self.faults.repeats[~used] = 0.0
 
     def expect(self, y: Array, predicted: Array) -> None:

@@ -35,8 +35,8 @@ class ImplicitStep:
         self._applied, self._warm_start = data.qfrc_applied, data.qacc_warmstart
         self.constraint_acceleration: Array = np.zeros(model.nv)
         """acceleration (nv,) [rad/s^2, m/s^2] by which the constraints acted in the last step"""
-        self.touching = 0
-        """number of constraints of contacts and limits in the last step"""
+        self.touching = int(_may_touch(model) or bool(model.jnt_limited.any() or model.tendon_limited.any()))
+        """number of constraints of contacts and limits in the last step; before the first, 1 if there may be any"""
 
     def __call__(self, q: Array, v: Array, u: Array, h: float, delta: Array | None = None) -> tuple[Array, Array]:
         """Return (q^+ (nq,), v^+ (nv,)) after h [s] with u (nu,) and delta (nv,) held, in steps of at most the model's.

@@ -116,7 +116,7 @@ class MechanismSystem:
 
     @property
     def touching(self) -> int:
-        """Number of constraints of contacts and limits in the last step."""
+        """Number of constraints of contacts and limits in the last step; before the first, 1 if there may be any."""
         return self._step.touching
 
     def parameters(self) -> MechanismParameters | None:

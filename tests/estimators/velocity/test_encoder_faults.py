@@ -23,7 +23,12 @@ JOINT = ScalarJoint("elbow", 0, 0, True, -math.inf, math.inf)
 
 
 def watched(
-    y: Array, sigma: float = SIGMA, shown: float = SIGMA, step: float = STEP, predicted: Array | None = None
+    y: Array,
+    sigma: float = SIGMA,
+    shown: float = SIGMA,
+    step: float = STEP,
+    predicted: Array | None = None,
+    touching: bool = False,
 ) -> tuple[list[str], EncoderFaults]:
     """Doubts (N,) about readings y (N,) of a joint, which are ``predicted`` (N,), or not."""
     found = EncoderFaults([JOINT.name], PERIOD)
@@ -32,7 +37,8 @@ def watched(
         t = PERIOD * k
         seen = np.array([shown**2 + step**2 / 12.0])
         off = None if predicted is None else np.array([each - predicted[k]])
-        found.read(t, np.array([each]), EncoderErrors(np.array([sigma**2]), seen, seen, np.array([step])), off)
+        errors = EncoderErrors(np.array([sigma**2]), seen, seen, np.array([step]))
+        found.read(t, np.array([each]), errors, off, touching=touching)
         doubts.append(found.doubt(t))
     return doubts, found
 
@@ -104,6 +110,19 @@ def test_a_sudden_motion_that_is_predicted_is_no_leap() -> None:
     assert not any(watched(read(q), predicted=q)[0])
     late = np.where(np.arange(len(q)) > 700, q, q - 0.1 * (np.arange(len(q)) == 700))
     assert any(watched(read(q), predicted=late)[0])
+
+
+def test_a_joint_that_touches_something_may_be_bumped() -> None:
+    q = swing(4.0)
+    bumped = q.copy()
+    bumped[600:] += 0.02  # at 4 rad/s
+    y = read(bumped)
+    believed = np.where(np.arange(len(q)) > 600, bumped, q)
+    assert any(watched(y, predicted=believed)[0])
+    assert not any(watched(y, predicted=believed, touching=True)[0])
+    y[600:] += 0.1
+    believed[601:] += 0.1
+    assert any(watched(y, predicted=believed, touching=True)[0])
 
 
 def test_what_a_joint_does_is_no_leap() -> None:

@@ -107,7 +107,7 @@ class BeliefFromEstimates:
         pose, P = checked_pose(estimate), estimate.covariance
         is_usable = P is not None and P.shape == (3, 3) and bool(np.isfinite(P).all())
         P = _definite(P) if P is not None and is_usable else self._deviation**2 * np.eye(3)
-        belief = Belief(pose, P, estimate.status.usable, _alternatives(estimate))
+        belief = Belief(pose, P, estimate.status.usable or _is_only(estimate), _alternatives(estimate))
         if not np.isfinite(pose).all():
             return belief
         own = np.array([belief.position_deviation, belief.heading_deviation]) if is_usable else np.zeros(2)
@@ -164,13 +164,25 @@ def checked_pose(estimate: Estimate) -> Array:
     return np.asarray(estimate.x, np.float64)
 
 
-def _alternatives(estimate: Estimate) -> Array:
-    """Poses (m, 3) of an estimator's hypotheses other than its estimate; empty once it is lost."""
+def _hypotheses(estimate: Estimate) -> Array:
+    """Poses (m, 3) of an estimator's hypotheses; empty if it lists none, and once it is lost."""
     hypotheses = estimate.extra.get("hypotheses")
     if estimate.covariance is None or estimate.status is Status.LOST:
         return np.empty((0, 3))
     if hypotheses is None or hypotheses.ndim != 2 or hypotheses.shape[1] != 3:
         return np.empty((0, 3))
+    return np.asarray(hypotheses, np.float64)
+
+
+def _is_only(estimate: Estimate) -> bool:
+    """True if an estimator lists its hypotheses, and the estimate is the one that is left, certified or not."""
+    hypotheses = _hypotheses(estimate)
+    return bool(np.isfinite(hypotheses).all(axis=1).sum() == 1)
+
+
+def _alternatives(estimate: Estimate) -> Array:
+    """Poses (m, 3) of an estimator's hypotheses other than its estimate."""
+    hypotheses = _hypotheses(estimate)
     others = np.isfinite(hypotheses).all(axis=1) & (hypotheses != estimate.x).any(axis=1)
     poses: Array = hypotheses[others]
     return poses

@@ -167,6 +167,9 @@ def test_a_robot_that_does_not_know_which_of_some_poses_is_its_own_explores_all_
     plan = built(task)[0].plan(PlanRequest(0.0, 0.2, estimate, None))
     assert "blind" not in plan.notes
     assert np.abs(plan.u).max() > 0.0
+    left = np.array([images[0], np.full(3, np.nan)])  # the others are ruled out, but it is not certified yet
+    last = Estimate(0.0, images[0], 1e-4 * np.eye(3), Status.INITIALISING, {"hypotheses": left})
+    assert "blind" not in built(task)[0].plan(PlanRequest(0.0, 0.2, last, None)).notes
     nothing = Estimate(0.0, images[0], None, Status.INITIALISING, {"hypotheses": np.full((2, 3), np.nan)})
     assert "blind" in built(task)[0].plan(PlanRequest(0.0, 0.2, nothing, None)).notes
 

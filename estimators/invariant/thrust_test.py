@@ -7,9 +7,11 @@ Under thrusts of the sum T at a velocity v the specific force in the body's axes
 (``models.quadrotor.dynamics``), but for gusts, a vehicle that is not as assumed, and what carries it at rest: no more
 than the weight that T does not. A reading is possible if
 
-    |f - f^| <= 0.3 max(T / m, g) + w + 5 sigma + max(g - T / m, 0),
+    |f - f^| <= 0.3 max(T / m, g) + w + 5 sigma + 5 delta + max(g - T / m, 0),
 
-w the least of five deviations of a declared gust and of its limit, sigma^2 the variance of a reading and of its bias.
+w the least of five deviations of a declared gust and of its limit, sigma^2 the variance of a reading and of its bias,
+and delta the deviation of the drag by those of velocity and attitude, sigma_v and sigma_R: max D (sigma_v + |v|
+sigma_R) / m.
 An accelerometer that reads what is not for 0.1 s, in which rotors follow their thrusts, is left out until its readings
 have been within half of that, without the last term, for a second.
 """
@@ -20,7 +22,7 @@ import math
 
 import numpy as np
 
-from mathnavi.estimators.invariant.strapdown import SPEED, Strapdown
+from mathnavi.estimators.invariant.strapdown import SPEED, TURN, Strapdown
 from mathnavi.interfaces.signals import Array
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -50,8 +52,11 @@ class ThrustTest:
         if not command.any():  # none is known
             return False
         X, failed = strapdown.X, self._failed
-        expected = self.expected(command, X[:3, :3].T @ X[:3, 3])
-        harm = self._take(t, reading[3:], expected)
+        velocity = X[:3, :3].T @ X[:3, 3]
+        expected = self.expected(command, velocity)
+        turn, speed = (math.sqrt(strapdown.P[part, part].diagonal().max()) for part in (TURN, SPEED))
+        drag = max(self._vehicle.drag) / self._vehicle.mass * (speed + float(np.linalg.norm(velocity)) * turn)
+        harm = self._take(t, reading[3:], expected, drag)
         if not self._failed:
             return False
         if not failed:
@@ -69,12 +74,12 @@ class ThrustTest:
         force[2] += float(np.clip(command, 0.0, vehicle.thrust_max).sum()) / vehicle.mass
         return force
 
-    def _take(self, t: float, force: Array, expected: Array) -> float:
-        """Take a reading (3,) of t [s], and what was ``expected`` (3,); return the velocity [m/s] by which those in a
-        row were off that are not possible.
+    def _take(self, t: float, force: Array, expected: Array, drag: float) -> float:
+        """Take a reading (3,) of t [s], and what was ``expected`` (3,), with the deviation of its ``drag`` [m/s^2];
+        return the velocity [m/s] by which those in a row were off that are not possible.
         """
         g, lift = self._vehicle.gravity, max(float(expected[2]), 0.0)
-        limit = _SHARE * max(lift, g) + self._margin
+        limit = _SHARE * max(lift, g) + self._margin + _DEVIATIONS * drag
         off = float(np.linalg.norm(force - expected))
         possible, near = off <= limit + max(g - lift, 0.0), off <= _NEAR * limit
         self._since = math.inf if possible else min(self._since, t)

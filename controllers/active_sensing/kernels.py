@@ -8,7 +8,8 @@ at the last node is expected to have the covariance
 
 which no process noise widens. A ray that misses the wall, or grazes it, carries no information.
 
-So it is with beacons, of which h is that of ``models.unicycle.beacons``. A robot that has some reads them alone.
+So it is with beacons, whose readings are those of ``models.unicycle.beacons``. A robot with some at known places reads
+them alone.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ Within five readings a vehicle moves smoothly. Of each component let r be the re
 before it, w their weights (``integrity.smoothness``); r / sqrt(c), c = 1 + sum w_i^2, has the variance of a reading.
 Every fifth is independent of the others, and tested by the windowed tests of energy (``integrity.windows``) against the
 declared variance. Of a motion at omega, read every h, (omega h)^4 / 8.4 of its amplitude is in r / sqrt(c): an IMU that
-is read less than thirty times in a period of a fast turn counts as noisy. While the tests fail, a reading counts as having the mean square of r / sqrt(c), of the last 200, and of
-the last ten where they begin to fail.
+is read less than thirty times in a period of a fast turn counts as noisy. While the tests fail, a reading counts as
+having the mean square of r / sqrt(c), of the last 200, and of the last ten where they begin to fail.
 """
 
 from __future__ import annotations

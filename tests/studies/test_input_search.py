@@ -49,7 +49,7 @@ def test_the_bound_is_the_covariance_that_the_planner_expects() -> None:
     for _ in range(10):
         x, F, information, error = advance(problem, x, F, information, u)
     horizon = PredictionHorizon(NODE, 10, problem.readings)
-    pose, expected = expected_covariance(problem.wall, problem.sensors, horizon, POSE, P, u, 10)
+    pose, expected = expected_covariance(problem.wall, problem.sensors, horizon, POSE, P, u, 10, np.empty((0, 8)))
     assert x == pytest.approx(pose)
     assert error == pytest.approx(math.sqrt(expected[0, 0] + expected[1, 1]))
 

@@ -10,6 +10,14 @@ of the range, max(1, s) times, plus as many of the place to which the motion in 
 noise and the constant errors of odometry. The true pose satisfies all of them except with the configured probability.
 The branch and bound is that of ``ranging.pose_certificate``, from all poses that the ranges allow on: it needs no
 surroundings.
+
+Poses that differ from the estimate by less than ``radius`` and twice the ``angle`` count as the estimate, or by less
+than the angle where that is enough: ranges hardly say the heading of a robot that hardly moves. The bounds say which.
+
+**History.** Every pose that was possible was within the bounds of the last certificate. By odometry it is now within
+bounds that are wider by what the heading, known within theirs, leaves open of the motion since, and by the noise of
+odometry. A pose beyond them is no other pose, however well it explains the last ranges: a robot that was certified is
+not confused with its mirror image when it drives straight on.
 """
 
 from __future__ import annotations
@@ -32,18 +40,21 @@ from mathnavi.estimators.ranging.pose_certificate import (
     most_outliers,
     relative,
 )
-from mathnavi.estimators.ranging.pose_certificate_kernels import explains, search
+from mathnavi.estimators.ranging.pose_certificate_kernels import explains, fitted, search
 from mathnavi.estimators.stagewise.model import Piece, StageBuilder
 from mathnavi.interfaces.bounds import CountInMemory, Positive, PositiveFraction, Probability, configuration
 from mathnavi.interfaces.signals import Array, Measurement
 from mathnavi.models.unicycle.beacons import BeaconMission
+from mathnavi.models.unicycle.kernels import wrapped
 
 _MOST_BOXES = 100_000
 _SHARES = np.array([[0.5, 0.0], [0.15, 0.15], [0.02, 0.02]])  # of radius and angle: half-widths of boxes, as ``search``
 _FIRST_TURN = math.pi / 16  # [rad] half-width of the first boxes
+_WIDER = (2.0, 1.0)  # times the angle: what has to be shown, and what may be
 _CELL = 1e-3  # [m] half of the step of a derivative
 _BACK = np.array([-1.0, -1.0, 1.0, 1.0])  # an input with the densities of its noise, driven backwards
 _NO_WALL = np.empty((0, 0))
+_NO_GRID = _NO_WALL, 0.0, 0.0, _CELL, 0.0
 
 
 @configuration
@@ -59,7 +70,7 @@ class BeaconCertificateConfig:
     radius: PositiveFraction = 0.08
     """distance within which a pose counts as the estimate, as a share of the diagonal of the surroundings"""
     angle: Positive = 0.6
-    """difference of headings within which a pose counts as the estimate [rad]"""
+    """half of the difference of headings within which a pose counts as the estimate [rad]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +78,8 @@ class BeaconCertification(Certification):
     """Result of a certificate."""
 
     bounds: Array
-    """(2,) [m, rad] of the estimate within which every pose is that explains the ranges; NaN if not certified"""
+    """(2,) [m, rad] of the estimate within which every pose is that explains the ranges, now and before; NaN if not
+    certified"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +110,8 @@ class BeaconCertificate:
         self._readings: deque[_Reading] = deque(maxlen=config.readings)
         self._since: list[Piece] = []  # motion since the newest one
         self._last: dict[int, float] = {}  # [s] of the newest one of each beacon
+        self._bounded: tuple[Array, Array] | None = None  # estimate (3,) and bounds (2,) of the last certificate
+        self._driven: list[Piece] = []  # motion since then
 
     def note(self, t: float, measurements: Sequence[Measurement], command: Array) -> None:
         """Note what was read until t [s]; ``command`` (2,) replaces odometry that there never was."""
@@ -105,6 +119,8 @@ class BeaconCertificate:
             if any(bool((u[2:] > self._model.W).any()) for _, u in stage.inputs):
                 self.forget()  # it may have moved in any way while its odometry was missing
             self._since.extend(stage.inputs)
+            if self._bounded is not None:
+                self._driven.extend(stage.inputs)
             for y in stage.readings:
                 for row in np.flatnonzero(np.isfinite(y)).tolist():
                     kind, i = self._model.entries[row]
@@ -119,33 +135,64 @@ class BeaconCertificate:
         return 2 * len(self._readings) >= self._config.readings
 
     def forget(self) -> None:
-        """Begin again with no ranges."""
+        """Begin again with no ranges and no certificate."""
         self._readings.clear()
         self._since.clear()
+        self._bounded = None
 
     def check(self, estimate: Array, scale_error: float) -> BeaconCertification:
         """Certify an ``estimate`` (3,) [m, m, rad] of the pose now, with that of the scale error c of the ranges."""
-        motions, nowhere = self._motions(), np.full(2, np.nan)
+        motions, none, nowhere = self._motions(), np.empty((0, 3)), np.full(2, np.nan)
         rays, rows, outliers, limit, scales = self._constraints(motions)
         if not len(rays):
-            return BeaconCertification(False, np.empty((0, 3)), False, 0, nowhere)
-        now = motions[-1]
+            return BeaconCertification(False, none, False, 0, nowhere)
+        now, carried, units = motions[-1], self._carried(estimate), np.array([self._radius, self._config.angle])
         drift = self._kappa * np.array([now.place, now.heading])
         step = relative(np.zeros(3), now.pose)
-        nearby = np.array([self._radius, self._config.angle])
-        sizes = _SHARES * nearby
-        sizes[0, 1] = _FIRST_TURN
         scale = min(max(1.0 / (1.0 + scale_error), scales[0] - scales[1]), scales[0] + scales[1])
         pose = np.append(self.at_middle(estimate), scale)
         wall, limits = (_NO_WALL, _box(rays, scales, outliers)), (MOST_OTHERS, _MOST_BOXES)
-        found, undecided, boxes = search(
-            wall, (_NO_WALL, 0.0, 0.0, _CELL, 0.0), (rows, outliers, limit), rays, pose,
-            (float(nearby[0]), float(nearby[1])), sizes, limits, (step[0], step[1]), scales,
-        )  # fmt: skip
-        alone = undecided == 0 and not len(found) and bool(explains(wall, rays, outliers, limit, pose))
-        others = np.array([composed(other, step) for other in found]).reshape(-1, 3)
-        bounds = nearby + drift if alone else nowhere
-        return BeaconCertification(alone, others, undecided == 0, boxes, bounds)
+        start = np.array([*pose[:3], *np.zeros(4), scale, 0.0])
+        best = fitted(_NO_GRID, rows, start, len(pose), scales)
+        explained = any(
+            _is_within(each, pose, units) and bool(explains(wall, rays, outliers, limit, each)) for each in (pose, best)
+        )
+        sizes = _SHARES * units
+        sizes[0, 1] = _FIRST_TURN
+        bounds, boxes = nowhere, 0
+        for wider in _WIDER:
+            nearby = units * [1.0, wider]
+            found, undecided, examined = search(
+                wall, _NO_GRID, (rows, outliers, limit), rays, pose, (float(nearby[0]), float(nearby[1])), sizes,
+                limits, (step[0], step[1]), scales,
+            )  # fmt: skip
+            boxes += examined
+            others = [composed(each, step) for each in found]
+            possible = [
+                each for each in others if _is_within(each, estimate, carried + nearby)
+            ]  # it stands for those near
+            if undecided or possible or not explained:
+                break
+            bounds = np.minimum(nearby + drift, carried)
+        if np.isfinite(bounds).all():
+            self._bounded, self._driven = (np.array(estimate, np.float64), bounds), []
+            return BeaconCertification(True, none, True, boxes, bounds)
+        return BeaconCertification(False, np.array(possible).reshape(-1, 3), undecided == 0, boxes, nowhere)
+
+    def _carried(self, estimate: Array) -> Array:
+        """Bounds (2,) [m, rad] of an ``estimate`` (3,) of the pose now, by the last certificate and odometry since;
+        infinite without one.
+        """
+        if self._bounded is None:
+            return np.full(2, np.inf)
+        then, (place, heading) = self._bounded
+        moved = self._chain([self._driven])[-1]
+        off = estimate - composed(then, relative(np.zeros(3), moved.pose))
+        turned = 2.0 * math.sin(0.5 * min(heading, math.pi)) * math.hypot(moved.pose[0], moved.pose[1])
+        return np.array([
+            place + turned + self._kappa * moved.place + math.hypot(off[0], off[1]),
+            heading + self._kappa * moved.heading + abs(wrapped(float(off[2]))),
+        ])  # fmt: skip
 
     @property
     def _kappa(self) -> float:
@@ -206,6 +253,12 @@ class BeaconCertificate:
             rows.append((x, y, math.hypot(x, y), bound, drift, sigma, *beacon, rho))
         limit = float(chdtri(len(rays), half))
         return np.array(rays), np.array(rows), outliers, limit, (0.5 * (low + high), 0.5 * (high - low))
+
+
+def _is_within(pose: Array, estimate: Array, bounds: Array) -> bool:
+    """True if a ``pose`` (3,) is within ``bounds`` (2,) [m, rad] of an ``estimate`` (3,)."""
+    off = pose - estimate
+    return bool(math.hypot(off[0], off[1]) <= bounds[0] and abs(wrapped(float(off[2]))) <= bounds[1])
 
 
 def _box(rays: Array, scales: tuple[float, float], outliers: int) -> Array:

@@ -146,9 +146,9 @@ def _contracts(rows: Array, outliers: int, box: Array) -> bool:
     return bool(low <= high)
 
 
-@inner_njit(nogil=True)
-def _fitted(grid: DistanceGrid, rows: Array, start: Array, size: int, scales: tuple[float, float]) -> Array:
-    """Pose (3,), with a scale (4,), near ``start`` where the functions of ``rows`` are nearest to zero, by
+@njit(cache=True, nogil=True)
+def fitted(grid: DistanceGrid, rows: Array, start: Array, size: int, scales: tuple[float, float]) -> Array:
+    """Pose (3,), with a scale (4,), near a box ``start`` where the functions of ``rows`` are nearest to zero, by
     Gauss-Newton; an end of a ray that is far off counts little among beacons, where it may be an outlier.
     """
     cell, scale = grid[3], 1.0
@@ -310,7 +310,7 @@ def search(
             continue
         if h <= sizes[1, 0] and w <= sizes[1, 1] and reach * box[8] <= sizes[1, 0] and box[6] == 0.0:
             box[6] = 1.0
-            pose = _fitted(grid, rows[:ends], box, len(estimate), scales)
+            pose = fitted(grid, rows[:ends], box, len(estimate), scales)
             if len(estimate) > 3 and _is_near(poses, count, pose, 0.0, 0.0, nearby, point):
                 pose[:3], pose[3] = box[:3], box[7]  # of a set that is larger than what is near its best pose
             if not _is_near(poses, count, pose, 0.0, 0.0, nearby, point) and explains(

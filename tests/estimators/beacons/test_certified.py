@@ -22,6 +22,7 @@ FOUR = ((3.0, 2.0), (-3.0, 2.5), (-2.5, -3.0), (3.5, -2.0))
 TWO = ((3.0, 0.0), (-3.0, 0.0))
 START, NOISE, DT, EVERY = (0.6, -0.8, 0.8), 0.05, 0.1, 5
 BEND, STRAIGHT = (0.5, 0.4), (0.2, 0.0)
+TWO_PARTS = np.concatenate([np.tile(BEND, (110, 1)), np.tile(STRAIGHT, (190, 1))])
 CONFIG = BeaconCertificateConfig()
 
 
@@ -31,15 +32,18 @@ def mission(places: Any = FOUR, **changes: Any) -> mn.BeaconMission:
 
 
 def drive(task: mn.BeaconMission, u: Any, seconds: float, seed: int, scale: float = 0.0) -> tuple[mn.SensorLog, Array]:
-    """A log of a drive with the declared errors, but for a scale error that is given, and the true poses."""
+    """A log of a drive by inputs u (2,), or (n, 2), with the declared errors, but for a scale error that is given, and
+    the true poses.
+    """
     rng, x, count = np.random.default_rng(seed), np.array(START), round(seconds / DT)
+    u = np.broadcast_to(u, (count, 2))
     quality, places = task.ranges, task.places
     assert quality is not None
     truth, ranges = np.empty((count, 3)), np.full((count, len(places)), np.nan)
     bias = 1.0 + task.odometry.bias * rng.standard_normal(2)
-    odometry = bias * np.array(u) + np.array(task.odometry.noise) * rng.standard_normal((count, 2))
+    odometry = bias * u + np.array(task.odometry.noise) * rng.standard_normal((count, 2))
     for k in range(count):
-        x = integrate(x, u[0], u[1], DT) if k else x
+        x = integrate(x, u[k, 0], u[k, 1], DT) if k else x
         truth[k] = x
         if k % EVERY == 0:
             read = (1.0 + scale) * exact_readings(places, 0, x) + quality.absolute * rng.standard_normal(len(places))
@@ -49,12 +53,17 @@ def drive(task: mn.BeaconMission, u: Any, seconds: float, seed: int, scale: floa
     return mn.SensorLog(t, {"beacon_ranges": ranges, "odometry": odometry}), truth
 
 
+def take(certificate: BeaconCertificate, log: mn.SensorLog, k: int) -> None:
+    """Note sample ``k`` of a log."""
+    rows, t = {name: values[k] for name, values in log.readings.items()}, float(log.t[k])
+    read = [mn.Measurement(name, t, row) for name, row in rows.items() if np.isfinite(row).any()]
+    certificate.note(t, read, np.zeros(2))
+
+
 def noted(task: mn.BeaconMission, log: mn.SensorLog, config: BeaconCertificateConfig = CONFIG) -> BeaconCertificate:
     certificate = BeaconCertificate(config, task)
-    for k, t in enumerate(log.t.tolist()):
-        rows = {name: values[k] for name, values in log.readings.items()}
-        read = [mn.Measurement(name, t, row) for name, row in rows.items() if np.isfinite(row).any()]
-        certificate.note(t, read, np.zeros(2))
+    for k in range(len(log.t)):
+        take(certificate, log, k)
     return certificate
 
 
@@ -119,6 +128,57 @@ def test_two_beacons_do_not_tell_a_straight_drive_from_its_mirror_image_and_a_be
     assert min(math.hypot(*(other - mirrored)[:2]) for other in found.others) < 0.4
     log, truth = drive(task, BEND, 11.0, 1)
     assert noted(task, log).check(truth[-1], 0.0).certified
+
+
+def test_a_robot_that_was_certified_is_not_confused_with_its_mirror_image_later() -> None:
+    """The same ranges alone are explained by both."""
+    task = mission(TWO)
+    log, truth = drive(task, TWO_PARTS[:160], 16.0, 1)
+    known, new = BeaconCertificate(CONFIG, task), BeaconCertificate(CONFIG, task)
+    for k, t in enumerate(log.t.tolist()):
+        take(known, log, k)
+        if t == pytest.approx(10.9):
+            assert known.check(truth[k], 0.0).certified
+        if t >= 11.0 - DT:
+            take(new, log, k)
+        if t > 12.0 and k % 10 == 0:
+            found = known.check(truth[k], 0.0)
+            assert found.certified
+            assert not len(found.others)
+    alone = new.check(truth[-1], 0.0)
+    mirrored = truth[-1] * [1.0, -1.0, -1.0]
+    assert not alone.certified
+    assert min(math.hypot(*(other - mirrored)[:2]) for other in alone.others) < 0.4
+
+
+def test_history_ends_where_odometry_is_missing() -> None:
+    task = mission(TWO)
+    log, truth = drive(task, TWO_PARTS[:280], 28.0, 1)
+    odometry = np.array(log.readings["odometry"])
+    odometry[112:150] = np.nan
+    certificate = BeaconCertificate(CONFIG, task)
+    log = mn.SensorLog(log.t, {**log.readings, "odometry": odometry})
+    for k, t in enumerate(log.t.tolist()):
+        take(certificate, log, k)
+        if t == pytest.approx(10.9):
+            assert certificate.check(truth[k], 0.0).certified
+    found = certificate.check(truth[-1], 0.0)
+    assert not found.certified
+    assert len(found.others)
+
+
+def test_bounds_hold_while_they_are_carried_on() -> None:
+    task = mission(TWO)
+    for seed in range(3):
+        log, truth = drive(task, TWO_PARTS, 30.0, seed)
+        found = mn.estimate("beacon_certified", task, log)
+        ok = np.array([status is mn.Status.OK for status in found.status])
+        late = log.t > 15.0
+        assert ok[late].mean() > 0.9
+        error = np.abs(found.x - truth)
+        heading = np.abs((found.x[:, 2] - truth[:, 2] + math.pi) % (2.0 * math.pi) - math.pi)
+        assert (np.hypot(error[:, 0], error[:, 1]) <= found.extra["bounds"][:, 0])[ok].all()
+        assert (heading <= found.extra["bounds"][:, 1])[ok].all()
 
 
 def test_more_outliers_than_are_declared_are_no_explanation() -> None:

@@ -62,11 +62,12 @@ def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors, te
     Writes the innovations, z less the mean range of the particles before, and their standard deviations, from the
     particles' spread and the mean noise, into ``tested`` (2, l) [m]; NaN where z is, or no particle sees a wall.
     Returns n_eff and the mean likelihood of the particles per range: the geometric mean over the ranges that were read,
-    so that lost ones make no difference; NaN if none was read.
+    so that lost ones make no difference; NaN if none was read. It is relative to the density of a range that is read
+    as the particles expect it: far off from a wall, where noise is larger, all densities are lower.
     """
     rays, relative, absolute, _, outliers, longest = sensors
     coefficients, polyline = wall
-    log, read = np.zeros(len(x)), 0
+    log, read, peaks = np.zeros(len(x)), 0, 0.0
     for i in range(len(z)):
         tested[0, i] = tested[1, i] = math.nan
         if math.isnan(z[i]):
@@ -85,12 +86,15 @@ def weigh(x: Array, w: Array, z: Array, wall: WallShape, sensors: RaySensors, te
                 spread += w[n] * (z[i] - h) ** 2
                 noise += w[n] * r
             log[n] += math.log(p)
+        peak = outliers / longest
         if total > 0.0:
             nu = off / total
             tested[0, i], tested[1, i] = nu, math.sqrt(max(spread / total - nu * nu, 0.0) + noise / total)
+            peak += (1.0 - outliers) / math.sqrt(2.0 * math.pi * noise / total)
+        peaks += math.log(peak)
     greatest, beta = log.max(), 1.0
     after = w * np.exp(log - greatest)
-    likelihood = math.exp((greatest + math.log(after.sum())) / read) if read else math.nan
+    likelihood = math.exp((greatest + math.log(after.sum()) - peaks) / read) if read else math.nan
     for _ in range(_HALVINGS):
         if after.sum() ** 2 >= _LEAST_EFFECTIVE * len(x) * np.square(after).sum():
             break

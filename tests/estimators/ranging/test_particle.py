@@ -11,8 +11,9 @@ import pytest
 from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleConfig
 from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.quality import OdometryQuality
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality
 from tests.estimators.ranging.runs import START, Run, errors, estimates_of, mission, steps_of
+from tests.ranging import driven
 
 
 def run_of(task: RangingMission, duration: float, seed: int = 0, *, least: int = 500, most: int = 5000) -> Run:
@@ -67,6 +68,16 @@ def test_a_robot_that_was_carried_to_another_place_is_found_again() -> None:
     assert max(counts[60:]) > 2.0 * counts[59]
     assert np.abs(task.difference(estimate.x, pose)).max() < 0.1
     assert estimate.status is Status.OK
+
+
+def test_a_robot_that_leaves_a_wall_behind_draws_no_particles_from_anywhere() -> None:
+    """Far from walls ranges are noisier and their density is lower, though nothing is wrong."""
+    task = dataclasses.replace(mission("4"), start=KnownStart((-3.2, 0.0, 0.0), (0.01, 0.01, 0.01)))
+    found = RangeParticle(RangeParticleConfig(), task)
+    steps = driven(task, np.array([-3.2, 0.0, 0.0]), 6.0, lambda t: np.array([0.5, 0.0]), np.random.default_rng(11))
+    run = estimates_of(found, steps)
+    assert figures(run, "particles")[100:].max() <= 550
+    assert errors(task, run)[200:].max() < 0.05
 
 
 def test_without_ranges_nothing_thins_them_out() -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.controllers.ocp.switching_surfaces import Surfaces, SwitchingSurface, steps_passed, surfaces_of
 from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.stretches import stretches
 
 _DENSE = 20  # points of an interval at which the levels are evaluated
 _EDGE = 1e-6  # of an interval: how far from a node the first and the last of them are, and what is at the node
@@ -123,9 +124,8 @@ def _of_surface(surfaces: Surfaces, solution: SolutionView, samples: _Samples, s
         if surface.given or jump is not None:
             jump = bool(jump)
             add(time, time, jump, _inside(surface, solution, time, jump))
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    for first, last in zip(ends[::2].tolist(), (ends[1::2] - 1).tolist(), strict=True):
-        begin, end = (_at_node(solution, float(samples.t[j])) for j in (first, last))
+    for first, behind in stretches(near).tolist():
+        begin, end = (_at_node(solution, float(samples.t[j])) for j in (first, behind - 1))
         if end - begin > _ARC * solution.duration and (jump := sides.differ(k, 0.5 * (begin + end))) is not None:
             add(begin, end, jump, inside=True)
     return found

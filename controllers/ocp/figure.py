@@ -25,6 +25,7 @@ from mathnavi.controllers.ocp.solution_view import SolutionView
 from mathnavi.interfaces.errors import FieldError
 from mathnavi.interfaces.figure_style import BOUND, GRID, INK, SERIES, STYLE
 from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.stretches import stretches
 
 WIDTH, ROW, COMPACT_ROW = 9.4, 1.35, 0.95  # [inches]
 MANY_ROWS = 9  # from which on rows are compact
@@ -148,8 +149,7 @@ def _held(axes: Axes, solution: JudgedSolution, multipliers: Array, impulses: Ar
     """Tint the intervals over which a limit is active: at most of their points, or with a large part of its effect."""
     strong = np.abs(multipliers) > ACTIVE * float(np.abs(multipliers).max(initial=0.0))
     held = ((strong.mean(axis=1) > 0.5) | (impulses > MUCH * impulses.sum())) & (impulses > 0.0)
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
-    for first, last in zip(ends[::2], ends[1::2], strict=True):
+    for first, last in stretches(held):
         axes.axvspan(solution.t[first], solution.t[last], color=BOUND, alpha=0.07, lw=0.0, zorder=0)
 
 

@@ -56,6 +56,7 @@ from mathnavi.controllers.ocp.transcriptions.variable_radau import (
 )
 from mathnavi.interfaces.errors import ProblemError
 from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.stretches import stretches
 
 TOLERANCE = 1e-2
 """allowed residual of a condition by default"""
@@ -301,8 +302,7 @@ class _Judge:
         switching = np.abs(self.switching[:, :, j])
         small = (switching <= _SINGULAR * max(float(switching.max()), _SMALL)).all(axis=1)
         inside = ~(self.at_lower[:, :, j] | self.at_upper[:, :, j]).all(axis=1)
-        ends = np.flatnonzero(np.diff(np.concatenate([[False], small & inside, [False]]).astype(int)))
-        for first, last in zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True):
+        for first, last in stretches(np.asarray(small & inside)).tolist():
             if last - first >= _LEAST_ARC:
                 yield first, last
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.stretches import stretches
 from mathnavi.renders.palette import COLOURS, Colour, SceneElement
 from mathnavi.renders.scene.elements import Layer, Motion, Surface
 from mathnavi.sim.engine.scene_record import FIELD, MESH, PLANE, shapes
@@ -174,8 +175,7 @@ def poses(model: Any, positions: Array) -> tuple[Array, Array]:
 
 def _runs(known: Any) -> list[tuple[int, int]]:
     """First and last index of each stretch of samples that are known."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
-    return [(int(first), int(last) - 1) for first, last in edges.reshape(-1, 2)]
+    return [(first, behind - 1) for first, behind in stretches(known).tolist()]
 
 
 def _recorded(a: Mapping[str, Array], kind: int, data: int) -> Triangles:

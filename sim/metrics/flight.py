@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array, Plan
+from mathnavi.interfaces.stretches import stretches
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.metrics.convergence import last_quarter
@@ -90,7 +91,7 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
 
 def episodes(flags: NDArray[np.bool_]) -> int:
     """Number of times that a sequence (n,) of booleans becomes true."""
-    return int(np.count_nonzero(np.diff(np.concatenate([[False], flags]).astype(np.int8)) == 1))
+    return len(stretches(flags))
 
 
 def height_above_ground(x: Array, mission: FlightMission) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.interfaces.signals import Array
+from mathnavi.interfaces.stretches import stretches
 
 DEVIATIONS = 3.0
 LASTING = 1.0
@@ -53,11 +54,10 @@ def beyond(difference: Array, covariance: Array) -> Flags:
     return far
 
 
-def lasting(t: Array, flags: Flags) -> Flags:
-    """Return (n,) flags (n,) at times t (n,) [s], without stretches of at most ``LASTING``."""
-    edges = np.flatnonzero(np.diff([0, *flags.astype(int), 0]))
+def lasting(t: Array, flags: Flags, least: float = LASTING) -> Flags:
+    """Return (n,) flags (n,) at times t (n,) [s], without stretches of at most ``least`` [s]."""
     ends = np.append(t, t[-1:] + np.diff(t[-2:]))  # a flag holds until the next time
     kept = np.zeros(len(flags), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        kept[begin:end] = ends[end] - ends[begin] > LASTING * (1.0 + 1e-9)
+    for begin, end in stretches(flags):
+        kept[begin:end] = ends[end] - ends[begin] > least * (1.0 + 1e-9)
     return kept

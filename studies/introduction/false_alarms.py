@@ -21,9 +21,12 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from mathnavi.estimators.integrity.windows import Flags
 from mathnavi.interfaces.bounds import Count, configuration
 from mathnavi.interfaces.fields import instance
-from mathnavi.interfaces.signals import Array, Estimate, Integers, Status
+from mathnavi.interfaces.signals import Array, Estimate, Status
+from mathnavi.interfaces.stretches import stretches
 from mathnavi.renders.figures import INK
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.metrics.flight import episodes
+from mathnavi.sim.metrics.sure_and_wrong import DEVIATIONS, LASTING, lasting
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.scenarios.closed_loop import RunData
@@ -34,7 +37,6 @@ from mathnavi.studies.framework.study import Setup, StudyResult
 FIRST_SEED = 7000  # no threshold was chosen on these
 SETTLED = 3.0  # [s] after an estimator is OK for the first time
 MOST = 0.01  # of the time
-DEVIATIONS, LASTING = 3.0, 1.0  # of an error of an estimate that is wrong, and for how long [s]
 
 _KNOWN = {"start_known": True}
 _QUADRUPED = {"mechanism": "quadruped"}
@@ -195,7 +197,7 @@ def alarms(outcome: RunData) -> dict[str, Any]:
     begun = [each.begun for each in found]
     if not found or any(math.isnan(begin) for begin in begun):
         return {"begun_s": None, "not_ok_share": None, "alarm_share": None, "alarms": 0}
-    count = sum(int((np.diff(np.concatenate([[0], each.false.astype(int)])) > 0).sum()) for each in found)
+    count = sum(episodes(each.false) for each in found)
     shares = [float(every.mean()) if len(every) else 0.0 for every in map(np.concatenate, zip(*(
         (each.alarm, each.false) for each in found
     ), strict=True))]  # fmt: skip
@@ -221,15 +223,7 @@ def wrong(outcome: RunData, agent: str) -> Flags:
     if any(each is None or len(each) != error.shape[1] for each in deviations):
         return none
     t, far = np.array([each.t for each in estimates]), (np.abs(error) > DEVIATIONS * np.array(deviations)).any(axis=1)
-    for first, last in stretches(far):
-        far[first:last] = t[last - 1] - t[first] > LASTING
-    return np.asarray(far, np.bool_)
-
-
-def stretches(flags: Flags) -> Integers:
-    """Where flags (n,) are true: the first of each stretch and the one behind its last, (k, 2)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return edges.reshape(-1, 2).astype(np.int64)
+    return lasting(t, np.asarray(far, np.bool_))
 
 
 def _deviation(estimate: Estimate) -> Array | None:

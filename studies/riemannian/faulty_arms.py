@@ -24,6 +24,7 @@ from mathnavi.interfaces.signals import Array, Measurement, Status
 from mathnavi.models.manifold.mission import POSITION, LagrangianMission, PositionQuality
 from mathnavi.models.mechanism.entity import build_model, file_of
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
+from mathnavi.sim.metrics.sure_and_wrong import lasting
 from mathnavi.sim.metrics.tuning import RecordedCall, spread, tuned
 from mathnavi.sim.plugin.registry import load
 from mathnavi.studies.framework.study import Row
@@ -191,7 +192,8 @@ def _judged(estimator: Any, calls: Sequence[RecordedCall], mission: LagrangianMi
     deviation = np.array([each.extra["deviation"][-truth.shape[1] :] for each in found])
     statuses = [each.status for each in found]
     ok, lost = (np.array([each is word for each in statuses]) for word in (Status.OK, Status.LOST))
-    late = np.array([call.t for call in calls]) >= SETTLED
+    t = np.array([call.t for call in calls])
+    late = t >= SETTLED
     peak = float(np.linalg.norm(truth, axis=1).max())
     off = np.abs(error) > np.maximum(DEVIATIONS * deviation, NOTHING * peak)
     length = np.linalg.norm(error, axis=1)
@@ -200,18 +202,10 @@ def _judged(estimator: Any, calls: Sequence[RecordedCall], mission: LagrangianMi
         "error": float(np.sqrt(np.mean(np.square(length[usable])))) if usable.any() else np.inf,
         "ok": float(ok[late].mean()),
         "lost": float(lost[late].mean()),
-        "wrong": lasting((off.any(axis=1) & ok)[late], round(LASTING / mission.period)),
+        "wrong": float(lasting(t[late], (off.any(axis=1) & ok)[late], LASTING).mean()),
         "worst": float(length[sure].max()) if sure.any() else 0.0,
         "peak": peak,
     }
-
-
-def lasting(flags: np.ndarray[Any, Any], least: int) -> float:
-    """Share of flags (N,) that are true in stretches of more than ``least``."""
-    edges = np.diff(np.concatenate([[0], flags.astype(int), [0]]))
-    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    lengths = ends - begins
-    return float(lengths[lengths > least].sum() / max(1, len(flags)))
 
 
 def by_case(rows: Sequence[Row]) -> dict[tuple[str, str], dict[str, Row]]:

@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 
 from mathnavi.interfaces.signals import Estimate, Status
-from mathnavi.studies.introduction.false_alarms import SETTLED, settled, stretches
+from mathnavi.studies.introduction.false_alarms import SETTLED, settled
 
 PERIOD = 0.1
 
 
 def estimates(statuses: list[Status]) -> list[Estimate]:
     return [Estimate(PERIOD * k, np.zeros(1), np.eye(1), status) for k, status in enumerate(statuses)]
-
-
-def test_stretches_are_from_the_first_to_behind_the_last() -> None:
-    assert stretches(np.array([True, False, True, True, False])).tolist() == [[0, 1], [2, 4]]
-    assert not len(stretches(np.zeros(3, np.bool_)))
 
 
 @pytest.mark.parametrize(("wrong_from", "false"), [(None, True), (55, False), (45, False), (10, True), (85, True)])

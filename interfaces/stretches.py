@@ -9,7 +9,7 @@ from mathnavi.interfaces.signals import Integers
 
 
 def stretches(flags: NDArray[np.bool_]) -> Integers:
-    """Where flags (n,) are true: the first of each stretch and the one behind its last, (k, 2)."""
+    """Return the stretches over which flags (n,) are true, (k, 2): the first of each, and the one behind its last."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     found: Integers = edges.reshape(-1, 2).astype(np.int64)
     return found

@@ -17,7 +17,8 @@ than the angle where that is enough: ranges hardly say the heading of a robot th
 **History.** Every pose that was possible was within the bounds of the last certificate. By odometry it is now within
 bounds that are wider by what the heading, known within theirs, leaves open of the motion since, and by the noise of
 odometry. A pose beyond them is no other pose, however well it explains the last ranges: a robot that was certified is
-not confused with its mirror image when it drives straight on.
+not confused with its mirror image when it drives straight on. It rests on all certificates since its history began,
+each of which may be wrong with the configured probability.
 """
 
 from __future__ import annotations

@@ -147,7 +147,7 @@ class BeaconCertificate:
         rays, rows, outliers, limit, scales = self._constraints(motions)
         if not len(rays):
             return BeaconCertification(False, none, False, 0, nowhere)
-        now, carried, units = motions[-1], self._carried(estimate), np.array([self._radius, self._config.angle])
+        now, units = motions[-1], np.array([self._radius, self._config.angle])
         drift = self._kappa * np.array([now.place, now.heading])
         step = relative(np.zeros(3), now.pose)
         scale = min(max(1.0 / (1.0 + scale_error), scales[0] - scales[1]), scales[0] + scales[1])
@@ -158,6 +158,7 @@ class BeaconCertificate:
         explained = any(
             _is_within(each, pose, units) and bool(explains(wall, rays, outliers, limit, each)) for each in (pose, best)
         )
+        carried = self._carried(estimate) if explained else np.full(2, np.inf)  # else history may be what is wrong
         sizes = _SHARES * units
         sizes[0, 1] = _FIRST_TURN
         bounds, boxes = nowhere, 0
@@ -168,10 +169,8 @@ class BeaconCertificate:
                 limits, (step[0], step[1]), scales,
             )  # fmt: skip
             boxes += examined
-            others = [composed(each, step) for each in found]
-            possible = [
-                each for each in others if _is_within(each, estimate, carried + nearby)
-            ]  # it stands for those near
+            others = [composed(each, step) for each in found]  # each stands for those near it
+            possible = [each for each in others if _is_within(each, estimate, carried + nearby)]
             if undecided or possible or not explained:
                 break
             bounds = np.minimum(nearby + drift, carried)

@@ -167,6 +167,24 @@ def test_history_ends_where_odometry_is_missing() -> None:
     assert len(found.others)
 
 
+def test_a_robot_that_was_carried_away_is_listed_where_it_is_whatever_history_says() -> None:
+    task = mission()
+    log, truth = drive(task, BEND, 26.0, 2)
+    places, away = np.array(task.places), np.array([-2.5, 1.5])
+    shifted = dataclasses.replace(task, beacons=tuple(map(tuple, places - away)))  # seen from where it was carried to
+    ranges = np.array(log.readings["beacon_ranges"])
+    ranges[110:] = np.array(drive(shifted, BEND, 26.0, 2)[0].readings["beacon_ranges"])[110:]
+    log = mn.SensorLog(log.t, {**log.readings, "beacon_ranges": ranges})
+    certificate = BeaconCertificate(CONFIG, task)
+    for k in range(len(log.t)):
+        take(certificate, log, k)
+        if k == 109:
+            assert certificate.check(truth[k], 0.0).certified
+    found = certificate.check(truth[-1], 0.0)
+    assert not found.certified
+    assert min(math.hypot(*((other - truth[-1])[:2] - away)) for other in found.others) < 0.5
+
+
 def test_bounds_hold_while_they_are_carried_on() -> None:
     task = mission(TWO)
     for seed in range(3):

@@ -170,7 +170,7 @@ def test_history_ends_where_odometry_is_missing() -> None:
 def test_a_robot_that_was_carried_away_is_listed_where_it_is_whatever_history_says() -> None:
     task = mission()
     log, truth = drive(task, BEND, 26.0, 2)
-    places, away = np.array(task.places), np.array([-2.5, 1.5])
+    places, away = np.array(task.places), np.array([-7.0, 6.0])
     shifted = dataclasses.replace(task, beacons=tuple(map(tuple, places - away)))  # seen from where it was carried to
     ranges = np.array(log.readings["beacon_ranges"])
     ranges[110:] = np.array(drive(shifted, BEND, 26.0, 2)[0].readings["beacon_ranges"])[110:]

@@ -124,4 +124,7 @@ class FullState:
             message = waiting(status, "a reading of full_state")
             return Estimate(t, self._x.copy(), status=status, extra=self._counts.extra, message=message)
         covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh.copy()
-        return possible_or_lost(self._mission, Estimate(t, self._x.copy(), covariance, status, self._counts.extra))
+        return possible_or_lost(
+            self._mission,
+            Estimate(t, self._x.copy(), covariance, status, self._counts.extra, self._timeout_monitor.message),
+        )

@@ -63,7 +63,7 @@ class Kalman:
 
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         self.period = mission.control_period
-        self._timeout_monitor = TimeoutMonitor(config.timeout, 1.0 / mission.position_rate)  # of the fixes
+        self._timeout_monitor = TimeoutMonitor(config.timeout, 1.0 / mission.position_rate, of="fixes")  # of the fixes
         self._model = AxisModel.from_config(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
@@ -183,7 +183,8 @@ class Kalman:
             **self._counts.extra,
         }
         status = worst(self._timeout_monitor.status(t, covariance), integrity)
-        return Estimate(t, x[:2].flatten(), covariance, status, extra, waiting(status, "a fix") or message)
+        message = waiting(status, "a fix") or message or self._timeout_monitor.message
+        return Estimate(t, x[:2].flatten(), covariance, status, extra, message)
 
     def _doubted(self, t: float, command: Array) -> tuple[Status, str]:
         """Status at t [s] as far as fixes agree, and are not late, and why."""

@@ -161,9 +161,8 @@ class MissileKalman:
             self._channels.add_leaps(P)
         extra = {"disturbance": self._input_of(x)[0].ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}
-        return Estimate(
-            t, x[: self._size].copy(), P, status, extra, waiting(status, "a reading of full_state") or doubt
-        )
+        message = waiting(status, "a reading of full_state") or doubt or self._timeout_monitor.message
+        return Estimate(t, x[: self._size].copy(), P, status, extra, message)
 
     def _predict(self, t: float) -> None:
         """Predict from the filter's time to t [s] with the inputs that act until then, delayed by the thrusters'

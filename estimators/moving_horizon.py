@@ -82,7 +82,7 @@ class MovingHorizonEstimator:
         self._model, self._builder = model, StageBuilder(model)
         self._horizon = MovingHorizon(model, config.stages, config.iterations, config.slope)
         interval = 1.0 / mission.position_rate if isinstance(mission, FlightMission) else self.period
-        self._timeout_monitor = TimeoutMonitor(config.timeout, interval)  # of the readings that agreed
+        self._timeout_monitor = TimeoutMonitor(config.timeout, interval, of="readings that agree")
         self._reader = RangeReader(mission, config.timeout) if isinstance(mission, RangingMission) else None
         self._ranging = cast("RangingModel", model) if isinstance(mission, RangingMission) else None
         self._counts = ReadingCounts() if self._reader is None else self._reader.counts
@@ -214,16 +214,16 @@ class MovingHorizonEstimator:
         status = self._timeout_monitor.status(t, covariance)
         if self._reader is not None:
             status = worst(status, self._reader.odometry_status(t))
+        message = waiting(status, "readings that agree")
         if horizon.failure and status.usable:
-            status = Status.SOLVER_FAILED
+            status, message = Status.SOLVER_FAILED, f"could not be solved: {horizon.failure}"
         elif (lost or not horizon.started) and status is not Status.INITIALISING:
-            status = Status.LOST
+            status, message = Status.LOST, "has no state that explains its readings"
         if self._ranging is not None:
-            status = self._ranging.fit.judged(status)
+            status, message = self._ranging.fit.judged(status), message or self._ranging.fit.doubt
         deviation = np.sqrt(np.maximum(np.diag(P), 0.0))
         extra = {"deviation": deviation, **published(self._innovations)}
         extra |= {**self._model.extra(self._unknown, P), **self._counts.extra}
-        message = waiting(status, "readings that agree")
         if self._monitor is not None:
             status, extra["integrity"] = worst(status, self._monitor.status(t)), np.array([self._monitor.ratio])
             covariance = None if covariance is None else self._monitor.inflation * covariance
@@ -237,6 +237,7 @@ class MovingHorizonEstimator:
             if covariance is not None and (leapt := self._leaps.covariance) is not None:
                 covariance = covariance.copy()
                 covariance[:3, :3] += leapt
+        message = message or self._timeout_monitor.message or ("" if self._reader is None else self._reader.message)
         estimate = Estimate(t, x, covariance, status, extra, message)
         if self._errors is not None:
             estimate = self._errors.doubted(estimate)

@@ -29,14 +29,20 @@ class TimeoutMonitor:
     """Monitor of the time since the last reading was used."""
 
     def __init__(
-        self, timeout: float, interval: float, *, settling: float | None = None, beyond: Status = Status.LOST
+        self,
+        timeout: float,
+        interval: float,
+        *,
+        settling: float | None = None,
+        beyond: Status = Status.LOST,
+        of: str = "readings",
     ) -> None:
         """``timeout`` is the time [s] without a reading after which the status is ``beyond``: LOST, or DEGRADED where
         the other sensors of the estimator still bound its error. ``interval`` [s] is the declared time between
         readings.
 
         ``settling`` is the time [s] that it takes to converge after such a gap, the timeout if not given; readings
-        have to agree for the timeout in the end.
+        have to agree for the timeout in the end. ``of`` names the readings, in the plural.
         """
         self._timeout, self._beyond = timeout, beyond
         self.longest = max(timeout, _INTERVALS * interval)
@@ -47,13 +53,16 @@ class TimeoutMonitor:
         """False from a gap on that was longer than declared until the estimate is OK again"""
         self._variances: Array | None = None  # (n,) of the last estimate that was OK
         self.t = -math.inf  # [s] of the last reading that was used
+        self._of, self._cause = of, ""  # names of the readings, and of what it has to converge after
+        self.message = ""
+        """why the last ``status`` was neither OK nor INITIALISING"""
 
     def note(self, t: float, usable: bool = True, agrees: bool = True) -> None:
         """Note the time t [s] of a reading if it was usable, and whether it agreed with the estimate."""
         if not usable:
             return
         if t - self.t > self.longest + TIME_TOLERANCE and self.t > -math.inf:
-            self.converged, self._since = False, t
+            self._diverge(t, f"a gap in its {self._of} that ended at {t:.6g} s")
         elif not agrees:
             self.disagree(t)
         self.t = t
@@ -65,7 +74,10 @@ class TimeoutMonitor:
 
     def restart(self, t: float) -> None:
         """Note that at t [s] the estimate was wrong, regardless of its status; it has to converge again."""
-        self.converged, self._since = False, t
+        self._diverge(t, f"it was wrong at {t:.6g} s")
+
+    def _diverge(self, t: float, cause: str) -> None:
+        self.converged, self._since, self._cause = False, t, cause
 
     def status(self, t: float, covariance: Array | None = None) -> Status:
         """Status at t [s] of an estimate with a ``covariance`` (n, n), or None.
@@ -75,11 +87,14 @@ class TimeoutMonitor:
         if self.t == -math.inf:
             return Status.INITIALISING
         if t - self.t > self._timeout + TIME_TOLERANCE:
+            self.message = f"has used no {self._of} since {self.t:.6g} s"
             return self._beyond
         if not self.converged:
             if t - self._since < self._settling - TIME_TOLERANCE or self._is_wider(covariance):
+                self.message = f"has not converged yet after {self._cause}"
                 return Status.DEGRADED
             self.converged = True
+        self.message = ""
         self._variances = None if covariance is None else covariance.diagonal().copy()
         return Status.OK
 

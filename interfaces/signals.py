@@ -79,7 +79,7 @@ class Estimate:
     extra: Mapping[str, Array] = field(default_factory=lambda: NOTHING)
     """further arrays by name, each of one shape for a whole run, NaN for what there is not; some names have a meaning:
     ``interfaces.innovations``, ``interfaces.reading_counts``"""
-    message: str = ""  # details behind the status: of one that is INITIALISING, what it waits for
+    message: str = ""  # why the status is not OK: of one that is INITIALISING, what it waits for
 
 
 def status_text(estimate: Estimate) -> str:

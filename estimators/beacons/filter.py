@@ -82,8 +82,8 @@ class BeaconFilter:
         self.figures: Mapping[str, tuple[str, ...]] = {"scales": _SCALES, **self.model.figures}
         self._stages, self.counts = StageBuilder(TestedReadings(self.model)), ReadingCounts()
         interval = mission.interval or mission.period
-        self._beacons = TimeoutMonitor(config.timeout, interval)
-        self._odometry = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
+        self._beacons = TimeoutMonitor(config.timeout, interval, of="readings of beacons")
+        self._odometry = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED, of="odometry")
         self._monitor = InnovationMonitor("readings", 1, interval)
         gate, lasts = chi_square_gate(config.gate), _TRUSTED * pace_of(mission)
         self._separation = None if mission.unknown else SolutionSeparation(self.model, gate, lasts)
@@ -418,7 +418,7 @@ class BeaconFilter:
         if status is Status.INITIALISING:
             return status, waiting(status, "beacons")
         if status is Status.LOST and (self.found or self._again or not self.model.mission.unknown):
-            return status, ""
+            return status, self._beacons.message
         if not self.found:
             if self._again:
                 return Status.LOST, "looks for its pose"
@@ -431,10 +431,11 @@ class BeaconFilter:
             return Status.DEGRADED, "no state fits all readings since the beginning"
         if self._contradicted:
             return Status.DEGRADED, "its readings since the beginning contradict what fits them best"
+        missing = self._beacons.message or self._odometry.message
         if self._separation is not None:  # its monitor judges
-            return worst(status, odometry), ""
+            return worst(status, odometry), missing
         found = worst(status, odometry, self._monitor.status(t))
-        return found, self._monitor.message if found is not Status.OK else ""
+        return found, (self._monitor.message or missing) if found is not Status.OK else ""
 
     def separate_again(self) -> None:
         """Begin the filters beside it at its state: those that were led astray say nothing."""

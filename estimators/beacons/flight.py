@@ -91,7 +91,7 @@ class FlightBeaconFilter:
         self._fix_variance = max(mission.position_noise, config.noise_floor) ** 2
         self._bound = config.position_std_max**2
         interval = 1.0 / max(beacons.rate, mission.position_rate if config.fixes else 0.0)
-        self._timeout = TimeoutMonitor(config.timeout, interval)
+        self._timeout = TimeoutMonitor(config.timeout, interval, of="readings of beacons")
         self._discrete: dict[float, tuple[Array, ...]] = {}
         self._now = Side(np.array([*mission.start, *np.zeros(6)]), thrice(start_covariance(config, mission)))
         self._other: Side | None = None  # on the other side of the plane of the beacons
@@ -372,7 +372,9 @@ class FlightBeaconFilter:
         if (deviation := math.sqrt(float(np.linalg.eigvalsh(P[:3, :3])[-1]))) > math.sqrt(self._bound):
             return worst(status, Status.DEGRADED), f"knows its position to {deviation:.3g} m, one sigma, in a direction"
         missing = [name for name, last in self._arrived.items() if t - last > self._timeout.longest]
-        return (worst(status, Status.DEGRADED), f"has had no {missing[0]} for long") if missing else (status, "")
+        if missing:
+            return worst(status, Status.DEGRADED), f"has had no {missing[0]} for long"
+        return status, self._timeout.message
 
 
 class GuardedFlight(Guarded):

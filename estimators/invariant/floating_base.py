@@ -120,8 +120,8 @@ class FloatingBaseIekf:
         self.period = mission.period
         self._config, self._mission, self._base = config, mission, _base_of(mission)
         self._data = mujoco.MjData(self._base.model)
-        self._imu = TimeoutMonitor(config.timeout, mission.period)
-        self._switches = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED)
+        self._imu = TimeoutMonitor(config.timeout, mission.period, of="IMU readings")
+        self._switches = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED, of="foot switches")
         self._limit = float(chdtri(3, config.gate))
         self._witness = FootWitness(config.slip) if monitored else None
         noise = (self._base.gyro, self._base.accelerometer)
@@ -210,7 +210,8 @@ class FloatingBaseIekf:
             else:
                 self._stand(reading)
         self._hold(t)
-        status, extra, message = self._base_status(t), dict(self._counts.extra), ""
+        status, extra = self._base_status(t), dict(self._counts.extra)
+        message = waiting(status, "IMU readings")
         if self._observer is not None:
             within = self._observer.update(t, joints, command)
             extra = dict(within.extra)
@@ -220,7 +221,7 @@ class FloatingBaseIekf:
                     within, extra = plain, extra | {name: plain.extra[name] for name in ("deviation", "integrity")}
             nq = self._base.model.nq
             self._joints, self._joint_rates = within.x[:nq][JOINT_POSITIONS], within.x[nq:][JOINT_RATES]
-            message = waiting(status, "IMU readings") or within.message
+            message = message or within.message
             status = worst(status, within.status)
         if self._witness is not None:
             agreement, doubt = self._witness.doubt(t)
@@ -228,11 +229,11 @@ class FloatingBaseIekf:
         deviation = self._deviation(t)
         if not deviation[strapdown.SPEED].max() <= self._config.deviation_max:
             status = worst(status, Status.LOST)
+            message = message or f"knows its speed to {deviation[strapdown.SPEED].max():.3g} m/s only, one sigma"
         extra |= {"base_deviation": deviation, "standing": self._standing.copy()}
         extra |= {"bias": self._strapdown.bias.copy(), "bias_deviation": self._strapdown.bias_deviation}
-        return possible_or_lost(
-            self._mission, Estimate(t, self._state(), None, status, extra, message or waiting(status, "IMU readings"))
-        )
+        message = message or self._imu.message or self._switches.message
+        return possible_or_lost(self._mission, Estimate(t, self._state(), None, status, extra, message))
 
     def _is_known(self, reading: Measurement, order: Mapping[str, int]) -> bool:
         """True for a reading of one of its sensors that is finite and not late; others are counted."""

@@ -102,7 +102,7 @@ class InertialAttitude:
         parameters[READING], parameters[GRAVITY] = gyro**2, mission.gravity
         self._parameters = parameters
         self._tilt = (imu.accelerometer_bias / mission.gravity) ** 2  # [rad^2] that the accelerometer's bias makes
-        self._readings = TimeoutMonitor(config.timeout, mission.period)
+        self._readings = TimeoutMonitor(config.timeout, mission.period, of="IMU readings")
         self._monitor = InnovationMonitor("velocities", 2, APART / mission.corner)
         self._tested = -math.inf  # [s] when the velocity was last tested
         self._innovations = np.full((2, 2), np.nan)  # of that test in the last call, and their deviations
@@ -281,11 +281,11 @@ class InertialAttitude:
         if status is Status.INITIALISING:
             return status, "waits for IMU readings"
         if not status.usable:
-            return status, ""
+            return status, self._readings.message
         if not self._found:
             if not self._gap:
                 return Status.INITIALISING, "waits for the vertical to be known"
             return Status.DEGRADED, "does not know the vertical after a gap"
         if not self._monitored:
-            return status, ""
-        return worst(status, self._monitor.status(t)), self._monitor.message
+            return status, self._readings.message
+        return worst(status, self._monitor.status(t)), self._monitor.message or self._readings.message

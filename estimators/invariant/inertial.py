@@ -99,9 +99,11 @@ class InertialIekf:
         self._monitored = monitored
         self.period = mission.control_period
         self._mission, self._counts, self._outlier_counter = mission, ReadingCounts(), OutlierCounter()
-        self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.flight.position_rate)
+        self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.flight.position_rate, of="fixes")
         # What the gap leaves unknown shows in the fixes.
-        self._imu = TimeoutMonitor(config.imu_gap, self.period, settling=config.timeout, beyond=Status.DEGRADED)
+        self._imu = TimeoutMonitor(
+            config.imu_gap, self.period, settling=config.timeout, beyond=Status.DEGRADED, of="IMU readings"
+        )
         self._limit = float(chdtri(3, config.gate))
         self._monitor = InnovationMonitor("fixes", 3, 1.0 / mission.flight.position_rate)
         self._agreed = -math.inf  # [s] of the last fix that agreed
@@ -222,7 +224,8 @@ class InertialIekf:
             P[:3, :3] += leapt
         status = worst(self._fixes.status(t, strapdown.P), self._imu.status(t, strapdown.P), integrity)
         wanted = "a fix" if self._fixes.t == -math.inf else "IMU readings"
-        return Estimate(t, x, 0.5 * (P + P.T), status, extra, waiting(status, wanted) or message)
+        message = waiting(status, wanted) or message or self._fixes.message or self._imu.message
+        return Estimate(t, x, 0.5 * (P + P.T), status, extra, message)
 
     def _doubts(self, t: float) -> tuple[str, Status]:
         """Message and status at t [s] as far as the fixes agree with the estimate."""

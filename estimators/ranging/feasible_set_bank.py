@@ -362,7 +362,8 @@ class FeasibleSetBank:
         if is_known and not self._is_confirmed(P):
             is_known, message = False, "waits for motion: the readings do not confirm the pose yet"
         status = self._fit.judged(self._reader.status(t, P)) if is_known else Status.INITIALISING
-        return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message or waiting(status, "ranges"))
+        message = message or waiting(status, "ranges") or self._reader.message or self._fit.doubt
+        return Estimate(t, bank.x[best, :3].copy(), P, status, extra, message)
 
     def _is_confirmed(self, P: Array) -> bool:
         bank, best, (sigma, outliers) = self._bank, self._best, noise_of(self._noise)

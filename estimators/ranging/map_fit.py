@@ -67,7 +67,12 @@ class MapFit:
 
     def judged(self, status: Status) -> Status:
         """The ``status`` of an estimate, ``DEGRADED`` where the map explains too few of the recent readings."""
-        return Status.DEGRADED if status is Status.OK and self._share >= _MANY else status
+        return Status.DEGRADED if status is Status.OK and self.doubt else status
+
+    @property
+    def doubt(self) -> str:
+        """Why the status that is ``judged`` is DEGRADED; "" if it is not."""
+        return "explains too few of its ranges by the map" if self._share >= _MANY else ""
 
     @property
     def inflation(self) -> float:

@@ -318,7 +318,7 @@ class RangeObserver:
         message = "" if self._lock is Status.OK else "disagrees with its ranges and their rates"
         if alone is not Status.OK and status.usable:
             status, message = worst(status, alone), message or _WORDS[alone]
-        return Estimate(t, x, P, status, extra, waiting(status, wanted) or message)
+        return Estimate(t, x, P, status, extra, waiting(status, wanted) or message or reader.message)
 
     def _stuck(self, rho: Array) -> Flags:
         """True (l,) for rays with noise whose ranges rho (l,) [m] repeat themselves while those expected change."""

@@ -186,4 +186,4 @@ class RangeParticle:
         extra = {name: np.array([value]) for name, value in figures.items()} | published(self._innovations)
         extra |= self._reader.counts.extra
         wanted = "ranges" if is_known else f"more ranges: the heaviest cluster holds {weight:.2f} of the weight"
-        return Estimate(t, self._mean[:3].copy(), P, status, extra, waiting(status, wanted))
+        return Estimate(t, self._mean[:3].copy(), P, status, extra, waiting(status, wanted) or self._reader.message)

@@ -132,7 +132,8 @@ class PoseFilter(ABC):
         P = self._fit.inflation * P[:3, :3]
         status = self._fit.judged(reader.status(t, P))
         extra = {"nis": nis, **published(self._innovations), **reader.counts.extra}
-        return Estimate(t, x[:3].copy(), P, status, extra, waiting(status, "ranges"))
+        message = waiting(status, "ranges") or reader.message or self._fit.doubt
+        return Estimate(t, x[:3].copy(), P, status, extra, message)
 
     def _condition_among_walls(self, rho: Array) -> Array:
         """``_condition`` within a polygon; the gate learns of outliers there, and refuses nothing."""

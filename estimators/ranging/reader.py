@@ -38,8 +38,8 @@ class RangeReader:
         """longest distance [m] within the wall"""
         self._too_long, self._nothing = carried.too_long, np.full(mission.sensors, np.nan)
         self._limits = TOO_FAST * np.array([mission.speed_max, mission.turn_rate_max])
-        self._ranges = TimeoutMonitor(timeout, mission.period, settling=settling)
-        self._odometry = TimeoutMonitor(timeout, mission.period, settling=settling, beyond=Status.DEGRADED)
+        self._ranges = TimeoutMonitor(timeout, mission.period, settling=settling, of=RANGES)
+        self._odometry = TimeoutMonitor(timeout, mission.period, settling=settling, beyond=Status.DEGRADED, of=ODOMETRY)
         self._t_ranges = self._t_odometry = -math.inf  # [s] of the newest readings
         self._known = 0  # readings of the two sensors in the last call
         self.rays = 0
@@ -127,6 +127,11 @@ class RangeReader:
         """Status at t [s] of an estimate with a ``covariance`` (n, n), or None."""
         status, odometry = self._ranges.status(t, covariance), self.odometry_status(t)
         return status if odometry is Status.OK else worst(status, odometry)
+
+    @property
+    def message(self) -> str:
+        """Why the last status was neither OK nor INITIALISING."""
+        return self._ranges.message or self._odometry.message
 
     def odometry_status(self, t: float) -> Status:
         """Status at t [s] as far as odometry is concerned; OK of a robot that has none."""

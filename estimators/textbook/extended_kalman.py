@@ -112,7 +112,7 @@ class TextbookEkf:
         self._predict(t, command)
         P = self._monitor.inflation * 0.5 * (self._filter.P + self._filter.P.T)
         status = self._status(t, P)
-        message = waiting(status, "a reading of output") or self._monitor.message
+        message = waiting(status, "a reading of output") or self._monitor.message or self._timeout_monitor.message
         extra = {
             "integrity": np.array([self._monitor.ratio]),
             **published(self._innovations),

@@ -208,10 +208,10 @@ class SampledObserver:
         if status is Status.INITIALISING:
             return status, waiting(status, "a reading of output")
         if not self._followed:
-            return Status.LOST, ""
+            return Status.LOST, "has a z to which no state belongs"
         if not self._agrees:
             return worst(status, tested, Status.DEGRADED), "disagrees with its readings"
-        return worst(status, tested), self._monitor.message
+        return worst(status, tested), self._monitor.message or self._timeout_monitor.message
 
 
 def _flow(law: ObserverLaw, mission: TextbookMission) -> Flow:

@@ -220,7 +220,9 @@ class PositionObserver:
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
         self._reader = PositionReader(self._manifold)
-        self._timeout_monitor = TimeoutMonitor(timeout, mission.period, settling=max(timeout, law.settling))
+        self._timeout_monitor = TimeoutMonitor(
+            timeout, mission.period, settling=max(timeout, law.settling), of="positions"
+        )
         self.counts = ReadingCounts()  # of the readings that were not used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
@@ -290,7 +292,7 @@ class PositionObserver:
                 covariance,
                 status,
                 {**extra, **integrity, **counts, **published(self._innovations), **self.counts.extra},
-                message or self._law.doubt,
+                message or self._law.doubt or self._timeout_monitor.message,
             )
         )
         found = possible_or_lost(self._mission, estimate)

@@ -776,6 +776,11 @@ def same(one: Estimate, other: Estimate) -> bool:
     return one.status is other.status and np.array_equal(one.x, other.x)
 
 
+def unexplained(estimates: Sequence[Estimate]) -> set[Status]:
+    """Statuses other than OK that come without a message."""
+    return {estimate.status for estimate in estimates if estimate.status is not Status.OK and not estimate.message}
+
+
 def test_before_its_first_reading_it_is_initialising(estimator: Estimator, flight: list[Step]) -> None:
     for step in flight[:10]:
         estimate = estimator.update(step.t, (), step.command)
@@ -809,13 +814,16 @@ def test_the_same_readings_give_the_same_estimates_until_they_are_missing_which_
     starved = [estimator.update(step.t, (), step.command) for step in flight[middle:]]
     assert np.isfinite([estimate.x for estimate in starved]).all()
     assert starved[-1].status is Status.LOST
+    assert unexplained(starved) == set()
 
 
 def test_it_finds_back_when_the_readings_come_back(estimator: Estimator, flight: list[Step], bench: Bench) -> None:
     third, sixth = len(flight) // 3, len(flight) // 6
     gap = [dataclasses.replace(step, measurements=()) for step in flight[third : third + sixth]]
-    *_, (last, estimate) = replay(estimator, [*flight[:third], *gap, *flight[third + sixth :]])
+    steps, answers = zip(*replay(estimator, [*flight[:third], *gap, *flight[third + sixth :]]), strict=True)
+    last, estimate = steps[-1], answers[-1]
     assert estimate.status is Status.OK
+    assert unexplained(answers) == set()
     assert np.all(bench.error(estimate, last) <= bench.tolerance)
 
 
@@ -856,8 +864,9 @@ def test_it_is_not_ok_while_one_of_several_sensors_has_been_missing_for_longer_t
             for step in flight[third:end]
         ]
         estimator = plugin.build(dataclasses.replace(config, **short), bench.mission)
-        statuses = [each.status for _, each in replay(estimator, [*flight[:third], *without, flight[end]])]
-        assert Status.OK not in statuses[end - 1 :], name
+        answers = [each for _, each in replay(estimator, [*flight[:third], *without, flight[end]])]
+        assert Status.OK not in [each.status for each in answers[end - 1 :]], name
+        assert unexplained(answers) == set(), name
 
 
 def test_a_reading_that_is_not_finite_is_counted_and_not_used(estimator: Estimator, flight: list[Step]) -> None:

@@ -39,6 +39,19 @@ def test_after_a_longer_gap_it_is_degraded_until_readings_have_agreed_for_as_lon
     assert status(monitor, 3602.4, True) is Status.DEGRADED
 
 
+def test_it_says_why_it_is_not_ok() -> None:
+    monitor = TimeoutMonitor(0.5, 0.1, of="fixes")
+    assert (status(monitor, 0.0, False), monitor.message) == (Status.INITIALISING, "")
+    assert (status(monitor, 3.0, True), monitor.message) == (Status.OK, "")
+    assert (status(monitor, 3.6, False), monitor.message) == (Status.LOST, "has used no fixes since 3 s")
+    assert status(monitor, 4.0, True) is Status.DEGRADED
+    assert monitor.message == "has not converged yet after a gap in its fixes that ended at 4 s"
+    assert (status(monitor, 4.5, True), monitor.message) == (Status.OK, "")
+    monitor.restart(4.6)
+    assert status(monitor, 4.7, True) is Status.DEGRADED
+    assert monitor.message == "has not converged yet after it was wrong at 4.6 s"
+
+
 def test_it_is_degraded_as_long_as_it_is_less_sure_than_it_was_when_it_was_ok() -> None:
     monitor = TimeoutMonitor(0.5, 0.1, settling=0.0)
     assert status(monitor, 0.0, True, 1.0) is Status.OK

@@ -35,7 +35,7 @@ from scipy.special import chdtri
 from mathnavi.estimators.integrity.innovations import LATCHED
 from mathnavi.estimators.integrity.repeats import STUCK
 from mathnavi.estimators.integrity.windows import Flags
-from mathnavi.interfaces.signals import Array, Status
+from mathnavi.interfaces.signals import Array
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.tolerances import TIME_TOLERANCE
 
@@ -87,6 +87,7 @@ class Channels:
         self._last, self._repeats = np.full(len(units), math.nan), np.zeros(len(units), np.int64)
         self._out: int | None = None  # the channel that is left out
         self._left = -math.inf  # [s] since when
+        self._back = ""  # the channel that was, last
         self._leapt: tuple[Array, Array] | None = None  # D [m] and its variances [m^2]
         self._recent: deque[tuple[Array, Array]] = deque(maxlen=max(10, round(_AGREES / interval)))
         self._alarm = math.inf  # [s] first of the alarms
@@ -101,12 +102,13 @@ class Channels:
         used[self._rows[self._out]] = False
         return used
 
-    @property
-    def message(self) -> str:
-        """Message that names what is left out, or else is in doubt; "" if nothing is."""
+    def doubt(self, t: float) -> str:
+        """What is left out at t [s], is read again since shortly before, or may be late; "" if nothing is."""
         if self._out is not None:
             return f"leaves out the {self._names[self._out]}, which disagrees"
-        return "has readings that may be late" if self._is_late else ""
+        if self._is_late:
+            return "has readings that may be late"
+        return f"reads the {self._back} again" if t - self._ended < _SETTLES else ""
 
     def add_leaps(self, P: Array) -> None:
         """Add D D' and d d' to a covariance P (nx, nx) of the state, in place."""
@@ -117,16 +119,11 @@ class Channels:
         for leap in leaps:
             P[np.ix_(at, at)] += np.outer(leap, leap)
 
-    def status(self, t: float) -> Status:
-        """Status at t [s] as far as all channels are used."""
-        settled = self._out is None and t - self._ended >= _SETTLES
-        return Status.OK if settled and not self._is_late else Status.DEGRADED
-
     def begin_again(self, t: float) -> None:
         """Use all channels from t [s] on, of an estimate that may be anywhere."""
         self._readings.clear()
         if self._out is not None:
-            self._out, self._ended = None, t
+            self._read_again(t)
 
     def stuck(self, t: float, y: Array) -> tuple[Array, Array] | None:
         """Take what is read (m,) at t [s]. Where a channel is stuck, leave it out.
@@ -176,6 +173,10 @@ class Channels:
         self._readings.clear()
         self._recent.clear()
 
+    def _read_again(self, t: float) -> None:
+        assert self._out is not None
+        self._back, self._out, self._ended = self._names[self._out], None, t
+
     def _judge(self, reading: Reading, S: Array) -> tuple[Array, Array] | None:
         """Use the channel that is left out again once it agrees, or is a position that is to be followed."""
         assert self._out is not None
@@ -187,7 +188,7 @@ class Channels:
         mean, square = (np.mean(each, axis=0) for each in zip(*recent, strict=True))
         spread = variance - noise + noise / len(recent)
         if (np.abs(mean) <= _RECENT * np.sqrt(spread)).all() and (square <= _NOISE).all():
-            self._out, self._ended = None, t
+            self._read_again(t)
             return None
         if self._out != self._position or (square - mean**2 / variance > _NOISE).any():
             return None
@@ -197,7 +198,7 @@ class Channels:
             return None
         self._leapt = None if is_back else (D + mean, unsure + spread)
         self._is_late = not is_back and self._may_be_late(D + mean, unsure + spread, reading.after)
-        self._out, self._ended = None, t
+        self._read_again(t)
         delta, Delta = np.zeros(len(reading.after)), np.zeros_like(reading.P_after)
         delta[rows], Delta[rows, rows] = mean, noise / len(recent)
         return delta, Delta

@@ -31,7 +31,7 @@ from mathnavi.interfaces.innovations import published
 from mathnavi.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.interfaces.protocols import Sensor
 from mathnavi.interfaces.reading_counts import ReadingCounts, Unused
-from mathnavi.interfaces.signals import Array, Estimate, Measurement
+from mathnavi.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.models.angles import wrapped
 from mathnavi.models.buffered_function import NumericFunction
 from mathnavi.models.missile.coordinates import STEP, Coordinates
@@ -155,9 +155,9 @@ class MissileKalman:
         P = 0.5 * (self._monitor.inflation if self._monitored else 1.0) * (P + P.T)
         status, doubt = self._timeout_monitor.status(t, P), ""
         if self._monitored:
-            integrity = self._monitor.status(t)
-            status, doubt = worst(status, integrity, self._channels.status(t)), self._monitor.message
-            doubt = self._channels.message or doubt
+            integrity, doubt = self._monitor.status(t), self._channels.doubt(t)
+            status = worst(status, integrity, Status.DEGRADED if doubt else Status.OK)
+            doubt = doubt or self._monitor.message
             self._channels.add_leaps(P)
         extra = {"disturbance": self._input_of(x)[0].ravel(), **self._counts.extra}
         extra |= {"integrity": np.array([self._monitor.ratio]), **published(self._innovations)}

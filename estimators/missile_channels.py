@@ -14,13 +14,15 @@ of s_c for each number that is read, at least one, the channel c explains the re
 
 about zero or less if all are as declared, or noisier. The channel with the largest G_c is left out where that is large,
 and much larger than those of the others. So is one with noise that has read the same six times. It is read again once
-it has agreed with the estimate for 2 s. Until 2 s later the estimate is DEGRADED.
+it has agreed with the estimate for 2 s, and more than with one that is as far off as at first: the estimate may have
+drifted there. Until 2 s later the estimate is DEGRADED.
 
 A position that leaps by d, which no other channel tells, may be that of a missile that was moved, or of an estimate
 that was wrong before. While it is left out d d' is added to the covariance. If it stays where it is for 20 s it is
-followed, and leaps that were are added up to D, which leaves D D' in the covariance until a leap of -D undoes it.
-Readings that are late by tau leap by -tau v: after a D against the velocity v the estimate is DEGRADED until then, for
-all channels may be late.
+followed, and leaps that were are added up to D, which leaves D D' in the covariance until a leap of -D undoes it. Where
+another channel was left out, and agrees again within 4 s, the position has leapt instead, or that channel was off for a
+moment; what the position is off from that by this channel counts as a leap. Readings that are late by tau leap by -tau
+v: after a D against the velocity v the estimate is DEGRADED until then, for all channels may be late.
 """
 
 from __future__ import annotations
@@ -45,6 +47,8 @@ _EXPLAINS, _MORE = 30.0, 12.0  # least G of a channel that is left out, and more
 _UNREAD = 1e8  # times the variance of a reading, of one that is not used
 _CHANCE = 1e-9  # of the square of a reading from which on it counts no more
 _AGREES, _RECENT = 2.0, 3.5  # [s] until a channel is read again; deviations of its mean
+_SOON = 4.0  # [s] within which a channel agrees again where a position has leapt instead
+_NEARER = 4.0  # least difference of squares by which that is nearer to none than to the first one
 _NOISE = 2.0  # times the declared variance of one that is read again, at most
 _ASIDE = 0.3  # of the length of a leap against the velocity, across it at most
 _SETTLES = 2.0  # [s] from then on
@@ -87,7 +91,9 @@ class Channels:
         self._last, self._repeats = np.full(len(units), math.nan), np.zeros(len(units), np.int64)
         self._out: int | None = None  # the channel that is left out
         self._left = -math.inf  # [s] since when
-        self._back = ""  # the channel that was, last
+        self._first: tuple[Array, Array] | None = None  # its first mean innovation that disagreed, and the variances
+        self._moved: tuple[Array, Array] | None = None  # the position without it less that by it [m], and the variances
+        self._back = ""  # the channel that was left out last
         self._leapt: tuple[Array, Array] | None = None  # D [m] and its variances [m^2]
         self._recent: deque[tuple[Array, Array]] = deque(maxlen=max(10, round(_AGREES / interval)))
         self._alarm = math.inf  # [s] first of the alarms
@@ -166,10 +172,14 @@ class Channels:
         if gains[channel] < max(_EXPLAINS, float(gains[second]) + _MORE):
             return None
         self._leave_out(channel, t)
+        if channel != self._position:
+            at, two = self._rows[self._position], [channel, self._position]
+            variances = 2.0 * reading.P_after + Deltas[two].sum(axis=0)
+            self._moved = deltas[channel][at] - deltas[self._position][at], variances.diagonal()[at]
         return deltas[channel], Deltas[channel]
 
     def _leave_out(self, channel: int, t: float) -> None:
-        self._out, self._left = channel, t
+        self._out, self._left, self._first, self._moved = channel, t, None, None
         self._readings.clear()
         self._recent.clear()
 
@@ -187,21 +197,48 @@ class Channels:
             return None
         mean, square = (np.mean(each, axis=0) for each in zip(*recent, strict=True))
         spread = variance - noise + noise / len(recent)
-        if (np.abs(mean) <= _RECENT * np.sqrt(spread)).all() and (square <= _NOISE).all():
+        agrees = bool((np.abs(mean) <= _RECENT * np.sqrt(spread)).all() and (square <= _NOISE).all())
+        if agrees and self._is_nearer(mean, spread, t):
+            if self._moved is not None and t - self._left <= _SOON and self._is_leap(*self._moved):
+                self._add_leap(*self._moved, reading.after)
             self._read_again(t)
             return None
+        if self._first is None:
+            self._first = mean, noise / len(recent)
         if self._out != self._position or (square - mean**2 / variance > _NOISE).any():
             return None
-        D, unsure = (np.zeros(len(rows)), spread) if self._leapt is None else self._leapt
-        is_back = self._leapt is not None and (np.abs(D + mean) <= _RECENT * np.sqrt(unsure + spread)).all()
-        if not is_back and t - self._left < LATCHED:
+        if not self._is_undone(mean, spread) and t - self._left < LATCHED:
             return None
-        self._leapt = None if is_back else (D + mean, unsure + spread)
-        self._is_late = not is_back and self._may_be_late(D + mean, unsure + spread, reading.after)
+        self._add_leap(mean, spread, reading.after)
         self._read_again(t)
         delta, Delta = np.zeros(len(reading.after)), np.zeros_like(reading.P_after)
         delta[rows], Delta[rows, rows] = mean, noise / len(recent)
         return delta, Delta
+
+    def _is_leap(self, d: Array, variance: Array) -> bool:
+        return bool((np.abs(d) > _RECENT * np.sqrt(variance)).any())
+
+    def _is_undone(self, d: Array, variance: Array) -> bool:
+        """True where a leap d (3,) of the position, with its variances, undoes those that were."""
+        if self._leapt is None:
+            return False
+        return bool((np.abs(self._leapt[0] + d) <= _RECENT * np.sqrt(self._leapt[1] + variance)).all())
+
+    def _add_leap(self, d: Array, variance: Array, x: Array) -> None:
+        """Add a leap d (3,) of the position, with its variances, at a state x (n,)."""
+        undone, (D, unsure) = self._is_undone(d, variance), self._leapt or (np.zeros(len(d)), np.zeros(len(d)))
+        self._leapt = None if undone else (D + d, unsure + variance)
+        self._is_late = not undone and self._may_be_late(D + d, unsure + variance, x)
+
+    def _is_nearer(self, mean: Array, spread: Array, t: float) -> bool:
+        """True where a mean innovation of some ``spread``, its variances, tells that a channel is right from that it
+        is as far off as at first.
+        """
+        if self._first is None or (self._out != self._position and t - self._left >= LATCHED):
+            return True
+        first, variance = self._first
+        rival = float((np.square(mean - first) / (spread + variance)).sum())
+        return rival - float((np.square(mean) / spread).sum()) >= _NEARER
 
     def _may_be_late(self, D: Array, variance: Array, x: Array) -> bool:
         """True for a leap D of a position with some ``variance`` that is against the velocity at x (n,)."""

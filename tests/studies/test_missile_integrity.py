@@ -16,11 +16,11 @@ CHANNELS = {
 }  # fmt: skip
 
 
-def under(fault: str, lasts: float, after: float) -> tuple[Array, Array, list[str], Array]:
+def under(fault: str, lasts: float, after: float, seed: int = 100) -> tuple[Array, Array, list[str], Array]:
     """Times (n,) [s], whether estimates are OK (n,), their messages, and their errors (n, 4) over the largest deviation
     of each block, of a flight with a fault that ``lasts`` [s], until some time ``after`` it.
     """
-    rng, mission = np.random.default_rng(100), study._mission()
+    rng, mission = np.random.default_rng(seed), study._mission()
     flight = study.flown(rng, mission, fault)
     FAULTS[fault](flight, slice(round(ONSET / PERIOD), round((ONSET + lasts) / PERIOD)), rng)
     estimator, times, ok, messages, ratios = MissileKalman(MissileKalmanConfig(), mission), [], [], [], []
@@ -57,6 +57,20 @@ def test_a_position_that_stays_off_is_followed_with_its_leap_in_the_covariance_u
     assert not ok[t > 25.2].any()
     assert "leaves out" not in messages[-1]
     assert 0.1 < ratios[-1, 0] < 4.5  # no leap is left in its covariance
+
+
+def test_a_position_that_leaps_and_a_velocity_that_is_blamed_for_it_leave_the_leap_in_the_covariance() -> None:
+    t, ok, messages, ratios = under("position 3 m off", 24.0, 0.0, seed=113)
+    assert any("leaves out the velocity" in message for message in messages)
+    assert ok[t > 23.0].all()
+    assert (ratios[t > 23.0] < 3.0).all()
+
+
+def test_a_position_is_not_read_again_where_the_estimate_has_only_drifted_towards_it() -> None:
+    t, _, messages, _ = under("position 3 m off", 19.0, 0.0, seed=106)
+    assert {message for message, at in zip(messages, t > 0.2, strict=True) if at} == {
+        "leaves out the position, which disagrees"
+    }
 
 
 def test_an_attitude_of_which_nothing_is_left_is_the_one_that_is_read() -> None:

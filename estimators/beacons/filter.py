@@ -431,11 +431,11 @@ class BeaconFilter:
             return Status.DEGRADED, "no state fits all readings since the beginning"
         if self._contradicted:
             return Status.DEGRADED, "its readings since the beginning contradict what fits them best"
-        missing = self._beacons.message or self._odometry.message
+        cause = self._beacons.message or self._odometry.message
         if self._separation is not None:  # its monitor judges
-            return worst(status, odometry), missing
+            return worst(status, odometry), cause
         found = worst(status, odometry, self._monitor.status(t))
-        return found, (self._monitor.message or missing) if found is not Status.OK else ""
+        return found, (self._monitor.message or cause) if found is not Status.OK else ""
 
     def separate_again(self) -> None:
         """Begin the filters beside it at its state: those that were led astray say nothing."""

@@ -121,7 +121,9 @@ class FloatingBaseIekf:
         self._config, self._mission, self._base = config, mission, _base_of(mission)
         self._data = mujoco.MjData(self._base.model)
         self._imu = TimeoutMonitor(config.timeout, mission.period, of="IMU readings")
-        self._switches = TimeoutMonitor(config.timeout, mission.period, beyond=Status.DEGRADED, of="foot switches")
+        self._switches = TimeoutMonitor(
+            config.timeout, mission.period, beyond=Status.DEGRADED, of="readings of foot switches"
+        )
         self._limit = float(chdtri(3, config.gate))
         self._witness = FootWitness(config.slip) if monitored else None
         noise = (self._base.gyro, self._base.accelerometer)

@@ -58,7 +58,8 @@ class AlphaBetaGamma:
         self._x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) rows p, v, g, one column an axis
         self._t: float | None = None  # [s] of _x; None before the first call
         # After a gap longer than the timeout the estimate is OK again once fixes have agreed for two memories.
-        self._fixes = TimeoutMonitor(config.timeout, 1.0 / mission.position_rate, settling=2.0 * config.memory)
+        interval, settling = 1.0 / mission.position_rate, 2.0 * config.memory
+        self._fixes = TimeoutMonitor(config.timeout, interval, settling=settling, of="fixes")
         self._agreeing = DEVIATIONS * math.sqrt(error[0, 0] + mission.position_noise**2)  # [m]
         self._counts = ReadingCounts()
 
@@ -120,7 +121,8 @@ class AlphaBetaGamma:
                 self._fixes.note(fix.t, agrees=bool((np.abs(error) <= self._agreeing).all()))
         self._predict(t, command)
         status, extra = self._fixes.status(t), {"gust": self._x[2].copy(), **self._counts.extra}
-        return Estimate(t, self._x[:2].flatten(), self._covariance.copy(), status, extra, waiting(status, "a fix"))
+        message = waiting(status, "a fix") or self._fixes.message
+        return Estimate(t, self._x[:2].flatten(), self._covariance.copy(), status, extra, message)
 
     def _predict(self, t: float, command: Array) -> None:
         """Propagate the filter to t [s] with the input held."""

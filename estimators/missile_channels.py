@@ -109,7 +109,7 @@ class Channels:
         return used
 
     def doubt(self, t: float) -> str:
-        """What is left out at t [s], is read again since shortly before, or may be late; "" if nothing is."""
+        """Channel that is left out at t [s], was read again shortly before, or may be late, in words; "" if none."""
         if self._out is not None:
             return f"leaves out the {self._names[self._out]}, which disagrees"
         if self._is_late:

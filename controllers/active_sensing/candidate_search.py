@@ -85,8 +85,9 @@ class ExpectedCovariance:
 
 
 def _beacon_table(mission: RangingMission, spacing: float) -> Array:
-    """What is read of the mission's beacons at known places (m, 8), see ``expected_covariance``, of nodes ``spacing``
-    [s] apart.
+    """Rows (m, 8), see ``expected_covariance``, of the readings of the mission's beacons at known places.
+
+    Nodes are ``spacing`` [s] apart.
     """
     rows: list[list[float]] = []
     if isinstance(mission, BeaconFieldMission):

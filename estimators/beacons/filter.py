@@ -402,7 +402,7 @@ class BeaconFilter:
         return extra
 
     def _waits_for(self) -> str:
-        """What the pose is not found without."""
+        """Readings that are missing for a pose, in words."""
         model, mission = self.model, self.model.mission
         lacking = np.flatnonzero(~self.bank.places_found(self._farthest, alone=True)) if self.bank.begun else ()
         if mission.start is None and len(mission.beacons) - len(mission.unknown) == 1:

@@ -66,7 +66,7 @@ class _Run:
         self.innovations: list[float] = []
 
     def go_on(self, window: Sequence[Kept], steps: int) -> int:
-        """Use up to so many steps; return how many."""
+        """Use at most ``steps`` steps; return the number used."""
         last = min(self._k + steps, len(window))
         for kept in window[self._k : last]:
             self.innovations += [e for k, e in self.joint.advance(kept.step) if k in self._rows]
@@ -101,7 +101,7 @@ class PlaceSearch:
         self._later.append(step)
 
     def go_on(self, steps: int) -> bool:
-        """Search for as long as so many steps of a filter take; return whether the search is at its end."""
+        """Search for as long as ``steps`` steps of a filter take; return whether the search has ended."""
         while steps > 0:
             if self._runs:
                 run = next((each for each in self._runs if not each.is_at_the_end(self._window)), None)
@@ -141,7 +141,7 @@ class PlaceSearch:
         return np.flatnonzero(self._noise.rows.beacons == i)
 
     def _read_of(self, i: int) -> tuple[PlaceReadings, list[float]]:
-        """What was read of beacon i, and when [s]."""
+        """Readings of beacon i, and their times [s]."""
         rows = self._noise.rows
         numbers = [
             (k, at, y[k], kept)

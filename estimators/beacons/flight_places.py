@@ -258,7 +258,7 @@ class PlacedFlight:
 
 
 def _values_of_known(beacons: FlightBeacons) -> dict[str, Integers]:
-    """Of the sensors that the carrier reads, the values that are of beacons at known places."""
+    """Indices of the values that are of beacons at known places, by sensor that the carrier reads."""
     if beacons.known is None:
         return {}
     known = np.flatnonzero(np.isfinite(beacons.array).all(axis=1))

@@ -45,7 +45,7 @@ class BeaconWitness(NumberTests):
     def __init__(self, beacons: FlightBeacons, mission: FlightMission, config: KalmanConfig) -> None:
         n = len(beacons.places)
         self.rows = rows = BeaconRows(beacons, config.noise_floor, LEAST_ANGLE)
-        """what is read of the beacons"""
+        """rows that the beacons' readings give"""
         axes = tuple(f"fix {axis}" for axis in "xyz") if config.fixes else ()
         self.levels = ("protection, position [m]", "protection, velocity [m/s]")
         self.names = (*beacons.names(), *axes)

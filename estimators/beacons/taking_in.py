@@ -1,4 +1,4 @@
-"""Where a beacon at an unknown place can be by its first reading: Gaussians side by side that overlap.
+"""Places of a beacon that its first reading leaves possible: Gaussians side by side that overlap.
 
 From a state with the pose p = (x_1, x_2), phi the place is b = p + rho e, at K directions e or at K distances rho.
 
@@ -26,9 +26,9 @@ from mathnavi.interfaces.signals import Array
 AROUND = 48
 """directions about the robot"""
 SPREAD = 0.6
-"""of the distance between two places next to each other: standard deviation"""
+"""standard deviation of a place, in distances between neighbouring places"""
 LEAST = 1.0 / 256.0
-"""of the diagonal of the box: the least distance on a ray"""
+"""least distance on a ray, in diagonals of the box"""
 _ALONG = 16  # distances on a ray
 _GAP = -math.log(LEAST) / (_ALONG - 1)  # between logarithms of two distances
 

@@ -66,7 +66,7 @@ class InnovationMonitor:
 
     @property
     def disagrees(self) -> bool:
-        """True once so many readings in a row are off by more than chance allows that the estimate is lost."""
+        """True once ``_IN_A_ROW`` readings in a row are off by more than chance allows: the estimate is lost."""
         return self.in_a_row >= _IN_A_ROW
 
     def note(self, t: float, nu: Array, S: Array, R: Array, used: Flags | None = None) -> None:

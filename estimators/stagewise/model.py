@@ -26,7 +26,7 @@ Piece = tuple[float, Array]
 
 
 class Reader(Protocol):
-    """What a system makes of its measurements."""
+    """Reader of a system's measurements: the inputs of its stages, and the usable readings."""
 
     def inputs(self, begin: float, end: float, measurements: Sequence[Measurement], command: Array) -> Sequence[Piece]:
         """Inputs that act in sequence from ``begin`` to ``end`` [s]; ``command`` (nu,) was held."""

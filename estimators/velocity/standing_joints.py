@@ -1,7 +1,7 @@
 """Joints whose encoders stand while the model moves them: an encoder that is dead, or a joint that is held.
 
-A reading without noise may repeat itself while a joint stands. Of a joint that has stood for half a second the model is
-asked, four times a second, how far it would move from there in a tenth of a second, under the input held:
+A reading without noise may repeat itself while a joint stands. For a joint that has stood for half a second, the model
+predicts four times a second how far it would move in a tenth of a second from there, under the input held:
 
     d = q_i(t + 0.1 s) - y_i(t).
 

@@ -1,4 +1,4 @@
-"""What a point mass at p (3,) [m] reads of beacons b_i (3,) [m] in the map frame, with first and second derivatives.
+"""Readings by a point mass at p (3,) [m] of beacons b_i (3,) [m] in the map frame, with two derivatives.
 
 With q = b_i - p, rho = |q| and r = |(q_x, q_y)|,
 
@@ -65,7 +65,7 @@ def curvature_effects(P: Array, D: Array) -> tuple[float, float]:
 
 
 class DeclaredBeacons(Protocol):
-    """What the rows need to know of beacons: ``FlightBeacons``."""
+    """Beacons as far as the rows need them: ``FlightBeacons``."""
 
     @property
     def array(self) -> Array: ...

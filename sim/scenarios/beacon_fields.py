@@ -1,4 +1,4 @@
-"""What the fields of beacons have in common, whichever vehicle reads these."""
+"""Fields that describe beacons, common to all vehicles."""
 
 from __future__ import annotations
 

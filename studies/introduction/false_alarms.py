@@ -233,7 +233,7 @@ def _deviation(estimate: Estimate) -> Array | None:
 
 
 class Settled(NamedTuple):
-    """When an estimator begins, and its alarms later than ``SETTLED`` after that."""
+    """The time at which an estimator begins, and its alarms later than ``SETTLED`` after that."""
 
     begun: float  # [s]; NaN if it never does
     alarm: Flags  # (n,)

@@ -32,7 +32,7 @@ REST, REACH, TURNS = 3.0, 0.15, np.array([2.0, 1.5, 1.0])  # [s], [m], [rad/s]
 MISSION = InertialMission(CALIBRATED, period=PERIOD)
 GYRO, FORCE = slice(0, 3), slice(3, 6)
 BLOCKS = (slice(0, 2),)
-"""of a state: inclination"""
+"""blocks of a state: inclination"""
 LATE, SHORT, LONG = 0.1, 0.3, 3.0  # [s]
 PUSH, PUSHES = 5.0, 2.0  # [m/s^2] and [s] of an acceleration that lasts
 NOISY, PUSHED, WIDE = "noise times 3", "accelerates for 2 s", "moves 10 times as far"

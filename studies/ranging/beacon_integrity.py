@@ -1,6 +1,6 @@
 """The part of the study of integrity among beacons: a robot that reads four, one after the other, and its odometry.
 
-Times are longer than within a wall, for each beacon is read once a second. The robot is told its start.
+Times are longer than within a wall, for each beacon is read once a second. The start of the robot is known.
 """
 
 from __future__ import annotations

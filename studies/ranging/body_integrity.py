@@ -37,7 +37,7 @@ TIMING = Timing(PERIOD, ONSET, END, 3.0)
 NOISE, SPEED_MAX = 0.003, 20.0  # [rad], [rad/s]
 MOMENTS, TORQUE = "0.03 0.04 0.05", 0.1  # [kg m^2], [N m]
 BLOCKS = (slice(0, 3), slice(3, 6))
-"""of an error: attitude and rates"""
+"""blocks of an error: attitude and rates"""
 SLIP, LATE, SILENT = 0.2, 0.05, 2.0  # [rad], [s], [s]
 WINDOWS = (0.04, 0.2, 0.8, 2.0)  # [s] of the tests
 NOISY, OFF, STANDS = "noise times 3", "torques off", "attitude stuck"

@@ -43,7 +43,7 @@ DAMPING, SPEED_MAX = 0.2, 20.0  # [N m s/rad], [rad/s]
 SWING, RATES = np.array([1.0, 1.2]), np.array([1.7, 2.6])  # [rad], [rad/s]
 STIFFNESS, DAMPED = np.array([60.0, 20.0]), np.array([12.0, 4.0])  # [N m/rad], [N m s/rad] of the control
 BLOCKS = (slice(0, 2), slice(2, 4))
-"""of a state: positions and velocities"""
+"""blocks of a state: positions and velocities"""
 SLIP, SMALL_SLIP, LATE, SILENT = 0.1, 0.01, 0.05, 2.0  # [rad], [rad], [s], [s]
 WINDOWS = (0.02, 0.1, 0.4, 1.0)  # [s] of the tests
 APART = 5  # residuals of cubics, of which one and the next have no reading in common
@@ -168,7 +168,7 @@ def swung(rng: np.random.Generator, mission: LagrangianMission, fault: str, join
 
 
 def _updates(swing: Swing, resolution: int) -> Iterator[tuple[float, tuple[Measurement, ...], Array]]:
-    """Times [s], what encoders of so many bits read, not rounded if 0, and torques."""
+    """Times [s], readings of encoders of ``resolution`` bits, exact ones if 0, and torques."""
     step = 2.0 * math.pi / 2.0**resolution if resolution else 0.0
     for k, (y, torque) in enumerate(zip(swing.readings, swing.torques, strict=True)):
         t = PERIOD * k

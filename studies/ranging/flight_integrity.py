@@ -44,7 +44,7 @@ TIMING = Timing(PERIOD, ONSET, END, 5.0)
 RANGE_NOISE, FIX_NOISE, GUSTS = 1.0, 2.0, DeclaredGusts(1.0)  # [m], [m], [m/s^2]
 SWING, RATES = np.array([900.0, 900.0, 120.0]), np.array([0.05, 0.04, 0.08])  # [m], [rad/s]
 BLOCKS = (slice(0, 3), slice(3, 6))
-"""of a state: position and velocity"""
+"""blocks of a state: position and velocity"""
 MOVED, LATE = 50.0, 0.5  # [m], [s]
 AWAY, GUSTY, NOISY = "moved 50 m", "gusts times 3", "noise times 3"
 INSEPARABLE = ESTIMATORS[:2]

@@ -41,7 +41,7 @@ SWING, RATES = np.array([40.0, 40.0, 8.0]), np.array([0.3, 0.25, 0.5])  # [m], [
 NOD, TURNS = 2.0, 0.2  # [rad], [rad/s] of the nose
 GYRO, FORCE = slice(0, 3), slice(3, 6)
 BLOCKS = (slice(0, 3), slice(3, 6), slice(6, 9))
-"""of a state: position, velocity and attitude"""
+"""blocks of a state: position, velocity and attitude"""
 MOVED, FAR, LATE, SILENT = 20.0, 20.0, 0.5, 3.0  # [m], [m], [s], [s]
 AWAY, FAR_START, NOISY = "carried away 20 m", "first fix 20 m off the start", "noise of fixes times 3"
 SHAKEN, SEEN = "noise of the IMU times 10", 0.5  # [s] of readings in which that is beyond chance
@@ -208,7 +208,7 @@ def _gusts(t: Array, rng: np.random.Generator) -> Array:
 
 
 def _begun(t: Array) -> Array:
-    """From 0 at rest to 1 (n,) at t (n,) [s], with two derivatives."""
+    """Smooth rise (n,) at t (n,) [s] from 0 at rest to 1, with two continuous derivatives."""
     s = np.clip((t - REST) / BEGIN, 0.0, 1.0)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s * s), np.float64)
 

@@ -39,7 +39,7 @@ ENCODERS = PositionQuality(1e-4)
 AMPLITUDES = np.array([0.25, -0.25, 0.25, -0.25, 0.1, -0.3, 0.2, -0.2])  # [rad] of the joints: no foot slides
 RATES = (2.0, 8.0)  # [rad/s] of all of them, from and to
 BLOCKS = (slice(0, 3), slice(3, 6), slice(6, 9))
-"""of a state: position, velocity and attitude"""
+"""blocks of a state: position, velocity and attitude"""
 SETTING = (
     f"A quadruped that moves its legs for {DURATION:g} s reads its IMU, encoders and foot switches, the fault from "
     f"{ONSET:g} to {END:g} s; nor has it a protection level."

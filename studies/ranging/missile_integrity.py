@@ -35,7 +35,7 @@ SPEED, PUSH = 120.0, 3.0  # [m/s] ahead; [1/s] of the feedback
 SWING, RATES = np.array([20.0, 40.0, 40.0, 0.15, 0.15]), np.array([0.2, 0.3, 0.25, 0.5, 0.4])  # [m, rad], [rad/s]
 VELOCITY, RATE, ATTITUDE, POSITION = slice(0, 3), slice(3, 5), slice(5, 7), slice(7, 10)
 BLOCKS = (POSITION, VELOCITY, ATTITUDE, RATE)
-"""of a state"""
+"""blocks of a state: position, velocity, attitude and rates"""
 LATE, SHORT, LONG, THRUST, LARGER = 0.1, 0.4, 2.0, 0.8, 3.0  # [s], [s], [s]; thrust over the commanded one, gusts
 GUSTY, NOISY, WEAK = "gusts times 3", "noise times 3", "thrust 20 % less"
 SETTING = (

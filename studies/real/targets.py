@@ -46,7 +46,7 @@ def _windows(rows: Sequence[Row]) -> str:
 
 
 def _on_map(*kinds: Sequence[Row]) -> str:
-    """What was found in those windows of several ``kinds`` whose map has what the laser sees."""
+    """Results, in words, in those windows of several ``kinds`` whose map has what the laser sees."""
     mapped = [[row for row in rows if row["mapped_share"] >= SEEN] for rows in kinds]
     return f"where the map explains half of all ranges in each last scan {' and '.join(map(_windows, mapped))}"
 

@@ -28,12 +28,12 @@ class Status(Enum):
     """Outcome of an estimate or of a plan request; the value is the message for the user.
 
     OK is as good as declared. DEGRADED is not, after a gap in the readings that was longer than declared for example,
-    but the covariance of the estimate says how good it is.
+    but its covariance, where it has one, says how good it is.
     """
 
     OK = "ok"
     INITIALISING = "the estimator has not seen enough measurements yet"
-    DEGRADED = "the estimate is worse than declared; its covariance says how much"
+    DEGRADED = "the estimate is worse than declared"
     LOST = "the estimator has lost its sensors"
     SOLVER_FAILED = "the solver did not converge"
     INFEASIBLE = "the optimisation problem has no feasible point"
